@@ -1,0 +1,110 @@
+//! What a voxel or an element is made of.
+
+use crate::volume::Volume;
+
+/// A tissue; the numbers are the label values in NIfTI files.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+#[repr(u8)]
+pub enum Tissue {
+    /// Air around the body, and anything outside of it.
+    Background = 0,
+    /// Fat of the right breast (the person's right, +x).
+    AdiposeRight = 1,
+    /// Fat of the left breast.
+    AdiposeLeft = 2,
+    /// Fibroglandular tissue of the right breast.
+    FibroglandularRight = 3,
+    /// Fibroglandular tissue of the left breast.
+    FibroglandularLeft = 4,
+    /// Skin.
+    Skin = 5,
+    /// Pectoral muscle.
+    PectoralMuscle = 6,
+    /// Everything behind the muscle: ribs, lungs, heart.
+    Thorax = 7,
+    /// Nipple and areola.
+    NippleAreola = 8,
+    /// Soft tissue outside of the breast limits.
+    Other = 9,
+}
+
+impl Tissue {
+    /// All tissues, by label value.
+    pub const ALL: [Self; 10] = [
+        Self::Background,
+        Self::AdiposeRight,
+        Self::AdiposeLeft,
+        Self::FibroglandularRight,
+        Self::FibroglandularLeft,
+        Self::Skin,
+        Self::PectoralMuscle,
+        Self::Thorax,
+        Self::NippleAreola,
+        Self::Other,
+    ];
+
+    /// Tissue of a label value; `None` for a value that no tissue has.
+    pub fn from_label(label: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(label)).copied()
+    }
+
+    /// Label value in NIfTI files.
+    pub fn label(self) -> u8 {
+        self as u8
+    }
+
+    /// Whether it belongs to the deformable breasts (skin and nipple included).
+    pub fn is_breast(self) -> bool {
+        use Tissue::*;
+        matches!(
+            self,
+            AdiposeRight
+                | AdiposeLeft
+                | FibroglandularRight
+                | FibroglandularLeft
+                | Skin
+                | NippleAreola
+        )
+    }
+
+    /// Whether it is behind the breast: muscle or thorax.
+    pub fn is_chest_wall(self) -> bool {
+        matches!(self, Self::PectoralMuscle | Self::Thorax)
+    }
+}
+
+/// A volume of tissues.
+pub type LabelMap = Volume<Tissue>;
+
+/// The person's side; right is +x.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// The person's right, +x.
+    Right,
+    /// The person's left, -x.
+    Left,
+}
+
+impl Side {
+    /// Sign of x on this side.
+    pub fn sign(self) -> f64 {
+        match self {
+            Self::Right => 1.0,
+            Self::Left => -1.0,
+        }
+    }
+
+    /// Word in study files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Right => "right",
+            Self::Left => "left",
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! A body in equilibrium.
+
+use crate::{Mat3, Vec3};
+use std::collections::BTreeMap;
+
+/// One converged state of a model.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Solution {
+    /// Current node positions (mm).
+    pub points: Vec<Vec3>,
+    /// Mean stress at the nodes (kPa), negative in compression.
+    pub pressure_kpa: Vec<f64>,
+    /// Deformation gradient, one per tetrahedron.
+    pub deformation_gradient: Vec<Mat3>,
+    /// Cauchy stress (kPa), one per tetrahedron.
+    pub cauchy_kpa: Vec<Mat3>,
+    /// Total force (mN) of each term on the body, by the term's name.
+    pub forces: BTreeMap<String, Vec3>,
+    /// What was checked after the solve.
+    pub checks: Checks,
+}
+
+/// Numbers that say whether a state may be believed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Checks {
+    /// Newton iterations, over all load steps.
+    pub iterations: usize,
+    /// Load steps, failed attempts included.
+    pub steps: usize,
+    /// Largest unbalanced nodal force at the end over the largest force of any term (no unit).
+    pub residual: f64,
+    /// Smallest det F of any tetrahedron.
+    pub min_det_f: f64,
+    /// Deepest penetration into any contact target (mm, positive).
+    pub max_penetration_mm: f64,
+    /// Largest opening of a no-separation contact (mm, positive).
+    pub max_gap_mm: f64,
+    /// Norm of the sum of all forces, reactions included, over the largest of them (no unit).
+    pub force_imbalance: f64,
+}

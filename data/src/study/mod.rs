@@ -1,0 +1,435 @@
+//! The study: one TOML file that a person writes, with units in its key names.
+//!
+//! Unknown keys are refused by serde; [`validate`] refuses implausible values. Paths are relative
+//! to the folder of the study file.
+
+mod validate;
+
+pub use validate::{StudyError, parse};
+
+use crate::{Vec3, labels::Side};
+use serde::{Deserialize, Serialize};
+use std::{collections::BTreeMap, path::PathBuf};
+
+/// Everything a run needs to know.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Study {
+    /// Version of this format: 1.
+    pub schema: u32,
+    /// Whose pictures these are.
+    pub subject: Subject,
+    /// Images by pose name (`supine`, `prone`, `tilted`, ... ).
+    pub poses: BTreeMap<String, Pose>,
+    /// Mammography records by side.
+    #[serde(default)]
+    pub records: BTreeMap<Side, Record>,
+    /// Tissues and supports.
+    #[serde(default)]
+    pub model: ModelPlan,
+    /// Element size.
+    #[serde(default)]
+    pub mesh: MeshPlan,
+    /// What is fitted, and how.
+    #[serde(default)]
+    pub calibrate: CalibratePlan,
+    /// The compression; none when absent.
+    pub compress: Option<CompressPlan>,
+    /// The picture; none when absent.
+    pub mammogram: Option<MammogramPlan>,
+}
+
+/// Whose pictures these are.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Subject {
+    /// A pseudonym: letters, digits, `-` and `_`.
+    pub id: String,
+}
+
+/// How the body lies or stands; gives the direction of gravity in the image.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Posture {
+    /// On the back: gravity is (0, -1, 0).
+    Supine,
+    /// On the belly: gravity is (0, 1, 0).
+    Prone,
+    /// Standing or sitting: gravity is (0, 0, -1).
+    Upright,
+}
+
+impl Posture {
+    /// Unit vector of gravity in the image's RAS frame.
+    pub fn gravity(self) -> Vec3 {
+        match self {
+            Self::Supine => Vec3::new(0.0, -1.0, 0.0),
+            Self::Prone => Vec3::new(0.0, 1.0, 0.0),
+            Self::Upright => Vec3::new(0.0, 0.0, -1.0),
+        }
+    }
+}
+
+/// Whether a pose calibrates or proves.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Use {
+    /// The calibration reads it.
+    #[default]
+    Fit,
+    /// Only the validation reads it.
+    Validate,
+}
+
+/// One image and what is known about it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Pose {
+    /// NIfTI file.
+    pub image: PathBuf,
+    /// Direction of gravity by name; or give `gravity_in_image`.
+    pub posture: Option<Posture>,
+    /// Direction of gravity in the image's RAS frame; any length.
+    pub gravity_in_image: Option<[f64; 3]>,
+    /// Landmarks: CSV `name,x_mm,y_mm,z_mm`, Slicer `.fcsv` or `.mrk.json`.
+    pub landmarks: Option<PathBuf>,
+    /// Finished labels; the segmentation is skipped.
+    pub labels: Option<PathBuf>,
+    /// Whether it calibrates or proves.
+    #[serde(default, rename = "use")]
+    pub usage: Use,
+}
+
+impl Pose {
+    /// Unit vector of gravity in the image's RAS frame; `None` when the study gives neither key.
+    pub fn gravity(&self) -> Option<Vec3> {
+        match (self.posture, self.gravity_in_image) {
+            (_, Some(v)) => Vec3::from(v).try_normalize(1e-9),
+            (Some(posture), None) => Some(posture.gravity()),
+            (None, None) => None,
+        }
+    }
+}
+
+/// What the mammography unit showed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Record {
+    /// Compression force (N).
+    pub force_n: f64,
+    /// Compressed thickness (mm).
+    pub thickness_mm: f64,
+}
+
+/// A constitutive law by name.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LawName {
+    /// Isochoric neo-Hookean (Mîra 2018, eq. 2.37).
+    #[default]
+    NeoHookean,
+    /// Gent (Mîra 2018, eq. 2.39).
+    Gent,
+}
+
+/// Tissues, supports and the effects that are switched on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ModelPlan {
+    /// Pose that the mesh is made of; default: supine, or the only pose.
+    pub reference_pose: Option<String>,
+    /// Fat and gland as one tissue for each side.
+    pub breast: BreastPlan,
+    /// Skin.
+    pub skin: LayerPlan,
+    /// Deep layer of the superficial fascia, on the rear of the breast.
+    pub fascia: LayerPlan,
+    /// Pectoral muscle.
+    pub muscle: MusclePlan,
+    /// Suspensory ligaments.
+    pub ligaments: LigamentPlan,
+    /// What happens between breast and muscle.
+    pub interface: InterfacePlan,
+    /// Mass density of all tissues (g/cm³).
+    pub density_g_per_cm3: f64,
+    /// Effects by machine name.
+    pub effects: Vec<String>,
+}
+
+impl Default for ModelPlan {
+    /// Literature moduli (Mîra 2018, § 5.1.2): breast 0.5, muscle 10, skin 10, fascia 160 kPa.
+    fn default() -> Self {
+        Self {
+            reference_pose: None,
+            breast: BreastPlan::default(),
+            skin: LayerPlan { young_kpa: 10.0, thickness_mm: 2.0, ..LayerPlan::default() },
+            fascia: LayerPlan { young_kpa: 160.0, thickness_mm: 0.1, ..LayerPlan::default() },
+            muscle: MusclePlan::default(),
+            ligaments: LigamentPlan::default(),
+            interface: InterfacePlan::default(),
+            density_g_per_cm3: 0.981,
+            effects: Vec::new(),
+        }
+    }
+}
+
+/// Fat and gland as one tissue for each side.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BreastPlan {
+    /// Constitutive law.
+    pub law: LawName,
+    /// Young's modulus of the right breast (kPa).
+    pub young_right_kpa: f64,
+    /// Young's modulus of the left breast (kPa).
+    pub young_left_kpa: f64,
+    /// Poisson's ratio under gravity.
+    pub poisson: f64,
+    /// Jₘ of the Gent law.
+    pub jm: Option<f64>,
+}
+
+impl Default for BreastPlan {
+    fn default() -> Self {
+        let law = LawName::NeoHookean;
+        Self { law, young_right_kpa: 0.5, young_left_kpa: 0.5, poisson: 0.49, jm: None }
+    }
+}
+
+/// A membrane that shares nodes with the breast.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LayerPlan {
+    /// Constitutive law.
+    pub law: LawName,
+    /// Young's modulus (kPa).
+    pub young_kpa: f64,
+    /// Thickness (mm).
+    pub thickness_mm: f64,
+    /// Jₘ of the Gent law.
+    pub jm: Option<f64>,
+}
+
+impl Default for LayerPlan {
+    fn default() -> Self {
+        Self { law: LawName::NeoHookean, young_kpa: 10.0, thickness_mm: 1.0, jm: None }
+    }
+}
+
+/// Pectoral muscle.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MusclePlan {
+    /// A rigid support; the only choice so far.
+    pub rigid: bool,
+    /// Young's modulus (kPa); noted, not used, while the muscle is rigid.
+    pub young_kpa: f64,
+}
+
+impl Default for MusclePlan {
+    fn default() -> Self {
+        Self { rigid: true, young_kpa: 10.0 }
+    }
+}
+
+/// Suspensory ligaments, tension only.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LigamentPlan {
+    /// Young's modulus (kPa).
+    pub young_kpa: f64,
+    /// Which: `inframammary`, `deep_medial`, `cranial`, `lateral`.
+    pub names: Vec<String>,
+}
+
+impl Default for LigamentPlan {
+    fn default() -> Self {
+        let names = ["inframammary", "deep_medial", "cranial", "lateral"];
+        Self { young_kpa: 500.0, names: names.map(String::from).to_vec() }
+    }
+}
+
+/// What happens between breast and muscle.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum InterfaceKind {
+    /// Slides, but never lifts off.
+    #[default]
+    NoSeparation,
+    /// Glued.
+    Bonded,
+}
+
+/// What happens between breast and muscle.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct InterfacePlan {
+    /// Contact law.
+    pub kind: InterfaceKind,
+    /// Coulomb friction coefficient.
+    pub friction: f64,
+}
+
+impl Default for InterfacePlan {
+    fn default() -> Self {
+        Self { kind: InterfaceKind::NoSeparation, friction: 0.1 }
+    }
+}
+
+/// Element size.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MeshPlan {
+    /// Edge length of the tetrahedra (mm).
+    pub size_mm: f64,
+}
+
+impl Default for MeshPlan {
+    fn default() -> Self {
+        Self { size_mm: 8.0 }
+    }
+}
+
+/// How the stress-free shape is found.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StressFree {
+    /// Damped, accelerated fixed point on the reference shape (Sellier 2011).
+    #[default]
+    FixedPoint,
+}
+
+/// What is fitted, and how.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CalibratePlan {
+    /// Study keys of the parameters to fit: empty, or `breast.young_kpa` (one factor on the
+    /// moduli of both breasts).
+    pub parameters: Vec<String>,
+    /// How the stress-free shape is found.
+    pub stress_free: StressFree,
+}
+
+/// When the paddle stops.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stop {
+    /// At a distance of the plates (mm).
+    ThicknessMm(f64),
+    /// At a force (N).
+    ForceN(f64),
+}
+
+/// Direction of the compression.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum View {
+    /// Cranio-caudal: paddle from above.
+    #[default]
+    Cc,
+}
+
+/// Kind of paddle.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PaddleName {
+    /// Flat, does not bend or tilt.
+    #[default]
+    Rigid,
+}
+
+/// Law and its extras in compression, for breast, skin and fascia alike.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompressLaw {
+    /// Constitutive law.
+    pub name: LawName,
+    /// Jₘ of the Gent law.
+    pub jm: Option<f64>,
+    /// Poisson's ratio.
+    #[serde(default = "compression_poisson")]
+    pub poisson: f64,
+}
+
+fn compression_poisson() -> f64 {
+    0.499
+}
+
+/// The compression of one breast.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompressPlan {
+    /// Which breast.
+    pub side: Side,
+    /// Direction.
+    #[serde(default)]
+    pub view: View,
+    /// Paddle.
+    #[serde(default)]
+    pub paddle: PaddleName,
+    /// Distance (mm) from the chest wall to the paddle's edge.
+    pub chest_wall_distance_mm: f64,
+    /// When the paddle stops.
+    pub stop: Stop,
+    /// Law in compression.
+    pub law: CompressLaw,
+}
+
+/// How the exposure is set.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Exposure {
+    /// Constant detector signal.
+    #[default]
+    Automatic,
+    /// The tube output of the 46 mm calibration phantom.
+    Fixed,
+}
+
+/// The picture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MammogramPlan {
+    /// Photon energy (keV).
+    pub energy_kev: f64,
+    /// How the exposure is set.
+    pub exposure: Exposure,
+    /// Pixel pitch (mm).
+    pub pixel_mm: f64,
+    /// Mass fraction of gland in the phantom (0..1).
+    pub glandularity: f64,
+    /// The matrix of microcalcifications.
+    pub calcifications: CalcificationPlan,
+}
+
+impl Default for MammogramPlan {
+    fn default() -> Self {
+        Self {
+            energy_kev: 24.0,
+            exposure: Exposure::Automatic,
+            pixel_mm: 0.1,
+            glandularity: 0.2,
+            calcifications: CalcificationPlan::default(),
+        }
+    }
+}
+
+/// A matrix of microcalcifications at mid-thickness; one picture for each diameter.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CalcificationPlan {
+    /// Away from the chest wall.
+    pub rows: usize,
+    /// Along x.
+    pub columns: usize,
+    /// Distance of neighbours (mm).
+    pub pitch_mm: f64,
+    /// Diameters (mm).
+    pub diameter_mm: Vec<f64>,
+}
+
+impl Default for CalcificationPlan {
+    fn default() -> Self {
+        Self { rows: 7, columns: 3, pitch_mm: 10.0, diameter_mm: vec![0.2, 0.3] }
+    }
+}
