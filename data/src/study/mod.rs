@@ -98,6 +98,8 @@ pub struct Pose {
     /// Whether it calibrates or proves.
     #[serde(default, rename = "use")]
     pub usage: Use,
+    /// What a reader of the report must know about this image.
+    pub warning: Option<String>,
 }
 
 impl Pose {

@@ -1,0 +1,110 @@
+//! Suspensory ligaments: rows of tension-only cables from the rear of the breast to the muscle.
+//!
+//! Each cable ties one node of the breast's rear to an anchor on the chest wall that lies farther
+//! from the breast's centre, so that it resists motion towards the centre and goes slack in
+//! motion away from it. The four ligaments are the four sectors of the rim of the base
+//! (Mîra 2018, § 1.1.3 and § 3.4; the thesis modelled two of them).
+
+use super::anatomy::Anatomy;
+use mammotwin_data::{
+    Vec3,
+    mesh::{Patch, TetMesh},
+};
+
+/// Distance (mm) from a node to its anchor when the cable is just taut.
+pub const LENGTH_MM: f64 = 10.0;
+/// Thickness (mm) of a ligament's sheet; cables share it by the length of rim that they hold.
+const SHEET_MM: f64 = 1.0;
+/// The rim: elliptic radii between which a node belongs to a ligament.
+const RIM: [f64; 2] = [0.85, 1.2];
+
+/// A suspensory ligament of the breast.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Ligament {
+    /// Along the inframammary fold.
+    Inframammary,
+    /// Along the sternum.
+    DeepMedial,
+    /// Along the upper rim.
+    Cranial,
+    /// Along the lateral rim.
+    Lateral,
+}
+
+impl Ligament {
+    /// All of them.
+    pub const ALL: [Self; 4] =
+        [Self::Inframammary, Self::DeepMedial, Self::Cranial, Self::Lateral];
+
+    /// Word in study files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Inframammary => "inframammary",
+            Self::DeepMedial => "deep_medial",
+            Self::Cranial => "cranial",
+            Self::Lateral => "lateral",
+        }
+    }
+
+    /// The ligament of a word.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|ligament| ligament.name() == name)
+    }
+
+    /// The sector of the rim that elliptic coordinates (lateral, cranial) lie in.
+    fn of_sector([lateral, cranial]: [f64; 2]) -> Self {
+        if cranial.abs() >= lateral.abs() {
+            if cranial < 0.0 { Self::Inframammary } else { Self::Cranial }
+        } else if lateral < 0.0 {
+            Self::DeepMedial
+        } else {
+            Self::Lateral
+        }
+    }
+}
+
+/// One cable.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CablePlan {
+    /// Node of the mesh.
+    pub node: u32,
+    /// Fixed end (mm).
+    pub anchor: Vec3,
+    /// Cross-section (mm²).
+    pub section_mm2: f64,
+}
+
+/// The cables of the ligaments in `names` for a mesh whose nodes are in the reference pose.
+pub fn cables(mesh: &TetMesh, anatomy: &Anatomy, names: &[Ligament]) -> Vec<CablePlan> {
+    let wall = mesh.patch_surface(Patch::ChestWall);
+    let normals = wall.vertex_normals();
+    let mut area = vec![0.0; mesh.points.len()];
+    for t in 0..wall.triangles.len() {
+        for n in wall.triangles[t] {
+            area[n as usize] += wall.area_vector(t).norm() / 3.0;
+        }
+    }
+    let mut cables = Vec::new();
+    for node in mesh.patch_nodes(Patch::ChestWall) {
+        let p = mesh.points[node as usize];
+        let Some((base, radius)) = anatomy.nearest(&p) else { continue };
+        let ligament = Ligament::of_sector(base.elliptic(&p));
+        if !(RIM[0]..=RIM[1]).contains(&radius) || !names.contains(&ligament) {
+            continue;
+        }
+        let normal = normals[node as usize];
+        let away = p - base.center;
+        let Some(outward) = (away - normal * away.dot(&normal)).try_normalize(1e-6) else {
+            continue;
+        };
+        // A node stands for its area of rim; over the rim's width that is a length.
+        let half_axis = 0.5 * (base.half_axes_mm[0] + base.half_axes_mm[1]);
+        let rim_length = area[node as usize] / (half_axis * (RIM[1] - RIM[0]));
+        cables.push(CablePlan {
+            node,
+            anchor: p + LENGTH_MM * outward,
+            section_mm2: SHEET_MM * rim_length,
+        });
+    }
+    cables
+}
