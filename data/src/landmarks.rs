@@ -12,8 +12,6 @@ impl Landmarks {
     /// Points whose name starts with `prefix` and that `other` has too, in the order of names.
     pub fn pairs(&self, other: &Self, prefix: &str) -> Vec<(String, Vec3, Vec3)> {
         let common = self.0.iter().filter(|(name, _)| name.starts_with(prefix));
-        common
-            .filter_map(|(name, here)| Some((name.clone(), *here, *other.0.get(name)?)))
-            .collect()
+        common.filter_map(|(name, here)| Some((name.clone(), *here, *other.0.get(name)?))).collect()
     }
 }

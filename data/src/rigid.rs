@@ -51,11 +51,7 @@ impl RigidTransform {
     pub fn angle(&self) -> f64 {
         // From sine and cosine together: accurate at small angles, where acos is not.
         let r = &self.rotation;
-        let axis = Vec3::new(
-            r[(2, 1)] - r[(1, 2)],
-            r[(0, 2)] - r[(2, 0)],
-            r[(1, 0)] - r[(0, 1)],
-        );
+        let axis = Vec3::new(r[(2, 1)] - r[(1, 2)], r[(0, 2)] - r[(2, 0)], r[(1, 0)] - r[(0, 1)]);
         (0.5 * axis.norm()).atan2(0.5 * (r.trace() - 1.0))
     }
 }

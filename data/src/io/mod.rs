@@ -1,1 +1,3 @@
 //! Readers and writers of files.
+
+pub mod hdf5;
