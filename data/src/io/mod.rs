@@ -1,3 +1,4 @@
 //! Readers and writers of files.
 
 pub mod hdf5;
+pub mod nifti;
