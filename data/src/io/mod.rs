@@ -1,4 +1,5 @@
 //! Readers and writers of files.
 
 pub mod hdf5;
+pub mod landmarks;
 pub mod nifti;
