@@ -1,4 +1,44 @@
 //! Stages, and the store that remembers what they made.
+//!
+//! The pipeline is one ordinary function whose calls are the graph: each call of [`Run::stage`]
+//! finds the result of a [`Stage`] in the [`Store`], or computes it. The function is run twice:
+//! once to [`plan`], where nothing is computed and what is not there yet is *pending*, and once to
+//! [`execute`].
+//!
+//! A result is kept under its [`Key`]: the stage's name and version, its parameters, and the
+//! *content* hashes (BLAKE3) of its inputs; never a path, a time or a number of threads. Equal
+//! content ends a rebuild early.
+//!
+//! ```text
+//! OUT/labels/prone.nii.gz                        copies that a person may edit
+//! OUT/cache/segment/prone-0123456789abcdef/      one result
+//!     result.nii.gz  key.json  record.json
+//! OUT/cache/segment/prone-0123456789abcdef.lock         who computes it now
+//! OUT/cache/segment/prone-0123456789abcdef.failed.json  why it could not be computed
+//! ```
+
+mod drive;
+mod hashes;
+mod inputs;
+mod key;
+mod lock;
+mod options;
+mod place;
+mod publish;
+mod record;
+mod run;
+mod stored;
+mod visible;
+
+pub use drive::{Drive, Pass, execute, plan};
+pub use inputs::{Inputs, Source};
+pub use key::Key;
+pub use lock::Wait;
+pub use options::{Options, Selection};
+pub use place::Store;
+pub use record::Record;
+pub use run::{Entry, Event, Listener, Run, State};
+pub use stored::Stored;
 
 use crate::{Failure, progress::Progress};
 use serde::Serialize;
