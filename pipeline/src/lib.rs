@@ -1,1 +1,9 @@
-//! x
+//! From a volunteer's MRI to mammography metrics: the graph of stages and the command line.
+//!
+//! [`graph`] is the pipeline: one function whose calls are the graph. [`commands`] holds one
+//! function for each command; [`cli`] reads the arguments, and `main` only reports how it ended.
+
+pub mod cli;
+pub mod commands;
+pub mod display;
+pub mod graph;

@@ -1,9 +1,6 @@
 //! Plans and executes a graph.
 
-use super::{
-    Entry, Event, Listener, Options, Run, Selection, Store,
-    run::Mode,
-};
+use super::{Entry, Event, Listener, Options, Run, Selection, Store, run::Mode};
 use crate::Failure;
 use std::{path::Path, sync::Mutex};
 

@@ -41,7 +41,9 @@ impl Key {
 /// The parameters of a stage as sorted JSON.
 pub(super) fn parameters<S: Stage>(stage: &S) -> Result<Value, Failure> {
     let value = serde_json::to_value(stage);
-    value.map(sorted).map_err(|cause| Failure::BadInput(format!("{}: parameters: {cause}", S::NAME)))
+    value
+        .map(sorted)
+        .map_err(|cause| Failure::BadInput(format!("{}: parameters: {cause}", S::NAME)))
 }
 
 /// The same JSON with the members of all objects in the order of their names, whatever order

@@ -62,7 +62,11 @@ impl Run<'_> {
             let inputs_changed = written_from.is_some() && written_from != now;
             let instance = entry.instance.clone();
             if self.mode == Mode::Execute {
-                self.listener.on(&Event::Edited { instance: &instance, path: &path, inputs_changed });
+                self.listener.on(&Event::Edited {
+                    instance: &instance,
+                    path: &path,
+                    inputs_changed,
+                });
             }
             let stored = Stored::known(&instance, &path, &content, &self.store.hashes);
             entry.state = State::Edited { path, inputs_changed };
@@ -86,7 +90,13 @@ impl Run<'_> {
         Ok(path)
     }
 
-    fn show<T>(&self, stored: &Stored<T>, name: &str, path: &Path, key: &str) -> Result<(), Failure> {
+    fn show<T>(
+        &self,
+        stored: &Stored<T>,
+        name: &str,
+        path: &Path,
+        key: &str,
+    ) -> Result<(), Failure> {
         let Some(content) = stored.content() else { return Ok(()) };
         if self.mode == Mode::Plan {
             return Ok(());

@@ -1,0 +1,97 @@
+//! What the command line understands.
+
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+
+/// From a volunteer's MRI to mammography metrics.
+#[derive(Debug, Parser)]
+#[command(version, about, arg_required_else_help = true, after_help = EXIT_CODES)]
+pub struct Arguments {
+    /// Number of threads; the results do not depend on it [default: all cores]
+    #[arg(long, global = true, value_name = "N")]
+    pub threads: Option<usize>,
+    /// What to do
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+const EXIT_CODES: &str = "Exit codes: 0 done, 2 usage, 65 bad input, 70 physics or numerics \
+    refused, 74 reading or writing failed, 75 another process is at work.";
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Compute the study: all stages, or some
+    #[command(after_help = RUN_EXAMPLES)]
+    Run(RunArguments),
+    /// How each stage stands: fresh, stale, missing, running, failed, damaged, edited by hand
+    Status(ReadArguments),
+}
+
+const RUN_EXAMPLES: &str = "\
+Examples:
+  mammotwin run study.toml                       compute what is not there yet
+  mammotwin run study.toml --dry-run             only say what would be computed
+  mammotwin run study.toml --from mesh           the mesh and all that follows it, anew
+  mammotwin run study.toml --until segment:prone one stage and what it needs
+  mammotwin run study.toml --force report        the report anew, although it is fresh
+
+A stage is named with its label (segment:prone) or without (segment: all of them).
+--force S   computes S anew though it is fresh; what follows is computed if S changed
+--from S    computes S and all that follows it anew
+--until S   computes S and what it needs, nothing else
+--only S    computes S anew and nothing else; what it needs must be there
+Labels that were edited by hand are never computed anew.";
+
+/// A study and where its results go.
+#[derive(Debug, Clone, Args)]
+pub struct StudyArguments {
+    /// Study file
+    #[arg(value_name = "STUDY.toml")]
+    pub study: PathBuf,
+    /// Output folder [default: `out` beside the study file]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+}
+
+/// A question about a study.
+#[derive(Debug, Clone, Args)]
+pub struct ReadArguments {
+    /// The study
+    #[command(flatten)]
+    pub study: StudyArguments,
+    /// Answer in JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A run.
+#[derive(Debug, Clone, Args)]
+pub struct RunArguments {
+    /// The study
+    #[command(flatten)]
+    pub study: StudyArguments,
+    /// Compute these stages and all that follow them anew
+    #[arg(long, value_name = "STAGE")]
+    pub from: Vec<String>,
+    /// Compute these stages and what they need, nothing else
+    #[arg(long, value_name = "STAGE")]
+    pub until: Vec<String>,
+    /// Compute these stages alone, anew
+    #[arg(long, value_name = "STAGE", conflicts_with_all = ["from", "until"])]
+    pub only: Vec<String>,
+    /// Compute these stages anew, although they are fresh
+    #[arg(long, value_name = "STAGE")]
+    pub force: Vec<String>,
+    /// Say what would be computed; write nothing
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Exit with 75 instead of waiting for another process
+    #[arg(long)]
+    pub no_wait: bool,
+}
+
+/// A message on one line, whatever it was made of.
+pub fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,60 @@
+//! One function for each command.
+
+pub mod run;
+pub mod status;
+
+use crate::cli::{Arguments, Command, StudyArguments};
+use mammotwin_data::{
+    Failure,
+    store::Store,
+    study::{self, Study},
+};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// Does what the command line asks for.
+pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
+    if let Some(threads) = arguments.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1));
+        pool.build_global().map_err(|cause| Failure::Usage(format!("--threads: {cause}")))?;
+    }
+    match &arguments.command {
+        Command::Run(arguments) => run::run(arguments),
+        Command::Status(arguments) => status::status(arguments),
+    }
+}
+
+/// A study that was read, and its store.
+#[derive(Debug)]
+pub struct Opened {
+    /// The study.
+    pub study: Study,
+    /// Its folder.
+    pub base: PathBuf,
+    /// Its results.
+    pub store: Store,
+}
+
+/// Reads a study file and finds its store; writes nothing.
+pub fn open(arguments: &StudyArguments) -> Result<Opened, Failure> {
+    let path = &arguments.study;
+    let text = fs::read_to_string(path).map_err(|cause| match cause.kind() {
+        std::io::ErrorKind::NotFound => {
+            Failure::BadInput(format!("{}: no such study file", path.display()))
+        }
+        std::io::ErrorKind::InvalidData => {
+            Failure::BadInput(format!("{}: not UTF-8 text; save it as UTF-8", path.display()))
+        }
+        _ => Failure::io(path, cause),
+    })?;
+    let study = study::parse(&text)
+        .map_err(|error| Failure::BadInput(format!("{}: {error}", path.display())))?;
+    let base = match path.parent() {
+        Some(parent) if parent != Path::new("") => parent.to_owned(),
+        _ => PathBuf::from("."),
+    };
+    let out = arguments.out.clone().unwrap_or_else(|| base.join("out"));
+    Ok(Opened { study, base, store: Store::open(&out) })
+}

@@ -1,0 +1,63 @@
+//! `mammotwin run`: computes a study.
+
+use super::{Opened, open};
+use crate::{cli::RunArguments, display::Display, graph};
+use mammotwin_data::{
+    Failure,
+    progress::Silent,
+    store::{self, Drive, Entry, Options, Pass, Selection, State, Wait},
+};
+
+/// Computes a study, or says what it would compute.
+pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
+    let opened = open(&arguments.study)?;
+    let options = options(arguments);
+    if arguments.dry_run {
+        let plan = plan(&opened, &options)?;
+        println!("{}", describe(&plan.entries, &plan.selection));
+        return Ok(());
+    }
+    let pass = execute(&opened, &options)?;
+    let computed = pass.entries.iter().filter(|entry| entry.computed).count();
+    let out = opened.store.out.display();
+    println!("{computed} of {} stages computed; results in {out}", pass.entries.len());
+    Ok(())
+}
+
+/// Computes what the options ask for, with a display on standard error.
+pub fn execute(opened: &Opened, options: &Options) -> Result<Pass<graph::Outcome>, Failure> {
+    let display = Display::new();
+    let Opened { study, base, store } = opened;
+    let drive = Drive { store, base, options, listener: &display };
+    store::execute(&drive, |run| graph::run(study, run))
+}
+
+/// Looks what is there; writes nothing.
+pub fn plan(opened: &Opened, options: &Options) -> Result<Pass<graph::Outcome>, Failure> {
+    let Opened { study, base, store } = opened;
+    let drive = Drive { store, base, options, listener: &Silent };
+    store::plan(&drive, |run| graph::run(study, run))
+}
+
+fn options(arguments: &RunArguments) -> Options {
+    let RunArguments { from, until, only, force, no_wait, .. } = arguments.clone();
+    let wait = if no_wait { Wait::Refuse } else { Wait::Patient };
+    Options { from, until, only, force, wait }
+}
+
+/// One line a stage: what a run would do.
+fn describe(entries: &[Entry], selection: &Selection) -> String {
+    let width = entries.iter().map(|entry| entry.instance.len()).max().unwrap_or(0);
+    let line = |entry: &Entry| {
+        let plan = match &entry.state {
+            State::Edited { .. } => "keep: edited by hand".into(),
+            _ if !selection.allows(&entry.instance) => format!("leave: {}", entry.state),
+            _ if selection.anew.contains(&entry.instance) => "compute: asked for".into(),
+            State::Fresh => "reuse".into(),
+            State::Stale if entry.key.is_none() => "compute unless its inputs stay equal".into(),
+            state => format!("compute: {state}"),
+        };
+        format!("{:width$}  {plan}", entry.instance)
+    };
+    entries.iter().map(line).collect::<Vec<_>>().join("\n")
+}

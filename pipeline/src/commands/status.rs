@@ -1,0 +1,81 @@
+//! `mammotwin status`: how each stage stands.
+
+use super::{open, run::plan};
+use crate::cli::ReadArguments;
+use mammotwin_data::{
+    Failure,
+    store::{Entry, Options, State},
+};
+use serde_json::{Value, json};
+
+/// Prints how each stage stands.
+pub fn status(arguments: &ReadArguments) -> Result<(), Failure> {
+    let opened = open(&arguments.study)?;
+    let entries = plan(&opened, &Options::default())?.entries;
+    if arguments.json {
+        let stages: Vec<_> = entries.iter().map(as_json).collect();
+        println!("{:#}", Value::from(stages));
+    } else {
+        println!("{}", as_table(&entries));
+    }
+    Ok(())
+}
+
+fn as_json(entry: &Entry) -> Value {
+    json!({
+        "stage": entry.instance,
+        "state": entry.state.to_string(),
+        "detail": detail(&entry.state),
+        "bytes": entry.record.as_ref().map(|record| record.bytes),
+        "wall_ms": entry.record.as_ref().map(|record| record.wall_ms),
+        "peak_memory_bytes": entry.record.as_ref().map(|record| record.peak_memory_bytes),
+        "content": entry.record.as_ref().map(|record| record.content.clone()),
+        "key": entry.key.as_ref().map(|key| key.digest.clone()),
+        "needs": entry.needs,
+    })
+}
+
+fn as_table(entries: &[Entry]) -> String {
+    let width = entries.iter().map(|entry| entry.instance.len()).max().unwrap_or(0).max(5);
+    let head = format!(
+        "{:width$}  {:14}  {:>9}  {:>8}  {:>9}",
+        "stage", "state", "size", "time", "memory"
+    );
+    let line = |entry: &Entry| {
+        let state = entry.state.to_string();
+        let [size, time, memory] = match &entry.record {
+            Some(record) => [
+                size(record.bytes),
+                format!("{:.1} s", record.wall_ms as f64 / 1000.0),
+                size(record.peak_memory_bytes),
+            ],
+            None => ["", "", ""].map(String::from),
+        };
+        let line =
+            format!("{:width$}  {state:14}  {size:>9}  {time:>8}  {memory:>9}", entry.instance);
+        format!("{line}  {}", detail(&entry.state)).trim_end().to_owned()
+    };
+    std::iter::once(head).chain(entries.iter().map(line)).collect::<Vec<_>>().join("\n")
+}
+
+fn detail(state: &State) -> String {
+    match state {
+        State::Running(holder) => holder.clone(),
+        State::Failed(why) | State::Damaged(why) => crate::cli::one_line(why),
+        State::Edited { path, inputs_changed: false } => path.display().to_string(),
+        State::Edited { path, inputs_changed: true } => {
+            format!("{}; made from inputs that have changed since", path.display())
+        }
+        State::Fresh | State::Stale | State::Missing => String::new(),
+    }
+}
+
+/// A number of bytes for people.
+pub fn size(bytes: u64) -> String {
+    match bytes {
+        0..1_000 => format!("{bytes} B"),
+        1_000..1_000_000 => format!("{:.1} kB", bytes as f64 / 1e3),
+        1_000_000..1_000_000_000 => format!("{:.1} MB", bytes as f64 / 1e6),
+        _ => format!("{:.2} GB", bytes as f64 / 1e9),
+    }
+}
