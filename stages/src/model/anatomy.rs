@@ -78,8 +78,9 @@ impl Anatomy {
             }
         }
         let nodes = mesh.patch_nodes(Patch::ChestWall);
+        let from_skin = |&n: &u32| skin.closest(&mesh.points[n as usize]);
         let thickness: Vec<f64> =
-            nodes.iter().map(|&n| skin.distance(&mesh.points[n as usize])).collect();
+            nodes.iter().map(|n| from_skin(n).map_or(0.0, |c| c.distance_mm)).collect();
         let mut sorted = thickness.clone();
         sorted.sort_by(f64::total_cmp);
         let layer = sorted.get(sorted.len() / 4).copied().unwrap_or(0.0);

@@ -1,0 +1,204 @@
+//! Labels of the reference pose to tetrahedra on a smooth chest wall.
+
+use crate::model::Anatomy;
+use mammotwin_data::{
+    Failure, Vec3,
+    io::hdf5,
+    labels::{LabelMap, Side, Tissue},
+    mesh::{Patch, TetMesh},
+    progress::{Part, Progress},
+    store::{Artifact, Stage},
+    volume::Volume,
+};
+use mammotwin_imaging::mri::distance_field::{self, DistanceField};
+use mammotwin_solver::mesh::{self, Domain, Options, PatchDistances, Quality};
+use serde::Serialize;
+use std::path::Path;
+
+/// Spacing (mm) of the chest wall's distance field: smooth, since contact needs its curvature.
+const WALL_SPACING_MM: f64 = 3.0;
+/// Spacing (mm) of the skin's distance field.
+const SKIN_SPACING_MM: f64 = 2.0;
+/// Layers with fewer breast voxels than this share of the fullest layer do not count as breast.
+const THIN_LAYER: f64 = 0.1;
+
+/// Meshes the breasts of one pose: what lies between skin, chest wall and the breast limits.
+#[derive(Debug, Clone, Serialize)]
+pub struct Mesh {
+    /// Edge length of the tetrahedra (mm).
+    pub size_mm: f64,
+}
+
+/// The breasts of the reference pose, ready for mechanics.
+#[derive(Debug, Clone)]
+pub struct BreastMesh {
+    /// Both breasts with the fat between and beside them.
+    pub mesh: TetMesh,
+    /// Signed distance (mm) to the chest wall, positive in front of it.
+    pub wall: Volume<f32>,
+    /// Where the breasts are.
+    pub anatomy: Anatomy,
+    /// Shape of the elements.
+    pub quality: Quality,
+}
+
+impl Artifact for BreastMesh {
+    const EXTENSION: &'static str = "h5";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        let mut file = hdf5::Writer::create(path)?;
+        file.put_mesh("mesh", &self.mesh)?;
+        file.put_volume("wall", &self.wall, "mm", "signed distance in front of the chest wall")?;
+        file.put_json("anatomy", &self.anatomy, "bases of the breasts on the chest wall")?;
+        file.put_json("quality", &self.quality, "shape measures of the tetrahedra")?;
+        Ok(file.finish()?)
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        let file = hdf5::Reader::open(path)?;
+        Ok(Self {
+            mesh: file.mesh("mesh")?,
+            wall: file.volume("wall")?,
+            anatomy: file.json("anatomy")?,
+            quality: file.json("quality")?,
+        })
+    }
+}
+
+/// The planes between the breasts and other tissue.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Limits {
+    /// z (mm) of the cut below the clavicles.
+    pub superior_mm: f64,
+    /// z (mm) of the cut at the costal margin.
+    pub inferior_mm: f64,
+    /// y (mm) of the midaxillary plane.
+    pub lateral_mm: f64,
+    /// x (mm) of the sternal line.
+    pub sternum_mm: f64,
+}
+
+impl Limits {
+    /// Reads the limits from where the labels of the breasts end.
+    pub fn of(labels: &LabelMap) -> Result<Self, Failure> {
+        use Tissue::*;
+        let mut along_z: Vec<f64> = Vec::new();
+        let mut along_y: Vec<f64> = Vec::new();
+        let mut right: Vec<f64> = Vec::new();
+        let mut left: Vec<f64> = Vec::new();
+        for (index, tissue) in labels.values.iter().enumerate() {
+            let side = match tissue {
+                AdiposeRight | FibroglandularRight => &mut right,
+                AdiposeLeft | FibroglandularLeft => &mut left,
+                _ => continue,
+            };
+            let p = labels.grid.center(labels.grid.voxel(index));
+            side.push(p.x);
+            along_y.push(p.y);
+            along_z.push(p.z);
+        }
+        for (side, found) in [(Side::Right, &right), (Side::Left, &left)] {
+            if found.is_empty() {
+                return Err(Failure::BadInput(format!(
+                    "labels: no voxel of the {} breast; correct the label map",
+                    side.name()
+                )));
+            }
+        }
+        let [_, _, step_z] = labels.grid.spacing_mm();
+        let (inferior, superior) = occupied(&along_z, step_z);
+        let (lateral, _) = occupied(&along_y, step_z);
+        Ok(Self {
+            superior_mm: superior,
+            inferior_mm: inferior,
+            lateral_mm: lateral,
+            sternum_mm: 0.5 * (quantile(right, 0.01) + quantile(left, 0.99)),
+        })
+    }
+}
+
+/// First and last layer (of thickness `step`) that holds a fair share of the values.
+fn occupied(values: &[f64], step: f64) -> (f64, f64) {
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let mut counts = vec![0usize; ((high - low) / step) as usize + 1];
+    for v in values {
+        counts[((v - low) / step) as usize] += 1;
+    }
+    let enough = THIN_LAYER * counts.iter().copied().max().unwrap_or(0) as f64;
+    let first = counts.iter().position(|&n| n as f64 >= enough).unwrap_or(0);
+    let last = counts.iter().rposition(|&n| n as f64 >= enough).unwrap_or(0);
+    (low + first as f64 * step, low + (last as f64 + 1.0) * step)
+}
+
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    values.sort_unstable_by(f64::total_cmp);
+    values[((values.len() - 1) as f64 * share) as usize]
+}
+
+/// Skin, chest wall and the planes of the breast limits.
+struct BreastDomain {
+    skin: DistanceField,
+    wall: DistanceField,
+    limits: Limits,
+}
+
+impl Domain for BreastDomain {
+    fn distances(&self, p: &Vec3) -> PatchDistances {
+        let lateral = self.limits.lateral_mm - p.y;
+        let side = if p.x > self.limits.sternum_mm {
+            Patch::LateralRight
+        } else {
+            Patch::LateralLeft
+        };
+        // Both sides share one plane: the far one is kept out of reach.
+        let other = if side == Patch::LateralRight { Patch::LateralLeft } else { Patch::LateralRight };
+        PatchDistances::none()
+            .with(Patch::Skin, self.skin.at(p))
+            .with(Patch::ChestWall, -self.wall.at(p))
+            .with(Patch::Superior, p.z - self.limits.superior_mm)
+            .with(Patch::Inferior, self.limits.inferior_mm - p.z)
+            .with(side, lateral)
+            .with(other, lateral - (p.x - self.limits.sternum_mm).abs())
+    }
+
+    fn bounds(&self) -> (Vec3, Vec3) {
+        let (mut low, mut high) = self.skin.bounds();
+        (low.y, low.z) = (self.limits.lateral_mm, self.limits.inferior_mm);
+        high.z = self.limits.superior_mm;
+        (low, high)
+    }
+}
+
+impl Stage for Mesh {
+    const NAME: &'static str = "mesh";
+    const VERSION: u32 = 1;
+    const METHODS: &'static str = "The tissue between skin, pectoral muscle and the breast limits was filled with \
+         tetrahedra by clipping a body-centred lattice on smooth signed distance fields \
+         (after Labelle and Shewchuk, ACM Trans. Graph. 26 (2007) 57).";
+    type Input = LabelMap;
+    type Output = BreastMesh;
+
+    fn run(&self, labels: &LabelMap, progress: &dyn Progress) -> Result<BreastMesh, Failure> {
+        let limits = Limits::of(labels)?;
+        progress.report(0.05, "distance field of the skin");
+        let bad = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("labels: {cause}"));
+        let skin = distance_field::of_labels(labels, |t| t != Tissue::Background, SKIN_SPACING_MM)
+            .map_err(|cause| bad(&cause))?;
+        progress.report(0.3, "distance field of the chest wall");
+        let wall = distance_field::of_labels(labels, Tissue::is_chest_wall, WALL_SPACING_MM)
+            .map_err(|cause| bad(&cause))?;
+        let domain = BreastDomain { skin, wall, limits };
+        let tissue = |p: &Vec3| {
+            if p.x > limits.sternum_mm { Tissue::AdiposeRight } else { Tissue::AdiposeLeft }
+        };
+        let options = Options { size_mm: self.size_mm, ..Options::default() };
+        let part = Part { whole: progress, from: 0.5, to: 0.95 };
+        let mesh = mesh::tetrahedralize(&domain, &tissue, &options, &part)
+            .map_err(|cause| Failure::Numerics(format!("mesh: {cause}")))?;
+        let anatomy = Anatomy::of(&mesh, limits.sternum_mm)
+            .map_err(|cause| Failure::BadInput(format!("labels: {cause}")))?;
+        let quality = mesh::quality(&mesh);
+        Ok(BreastMesh { mesh, wall: domain.wall.into_volume(), anatomy, quality })
+    }
+}

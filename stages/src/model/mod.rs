@@ -1,0 +1,160 @@
+//! What a breast is to the solver: which terms, which supports, on which nodes.
+//!
+//! The body is known in its reference pose (the pose of the mesh); its stress-free shape is a
+//! value that calibration looks for. Ligaments and cut edges hold the body where it is in the
+//! reference pose.
+
+mod anatomy;
+mod ligaments;
+
+pub use anatomy::{Anatomy, BreastBase, NoBreast};
+pub use ligaments::{CablePlan, LENGTH_MM, Ligament, cables};
+
+use mammotwin_data::{
+    Failure, Vec3,
+    labels::{Side, Tissue},
+    mesh::{Patch, TetMesh},
+    study::{InterfaceKind, LawName, ModelPlan},
+};
+use mammotwin_solver::{
+    materials::Law,
+    model::Model,
+    terms::{Bulk, Cable, Gravity, Membrane, Sliding, Target},
+};
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Young's moduli of the breasts, the unknowns of the calibration.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Moduli {
+    /// Right breast (kPa).
+    pub right_kpa: f64,
+    /// Left breast (kPa).
+    pub left_kpa: f64,
+}
+
+impl Moduli {
+    /// The moduli that a study gives.
+    pub fn of(plan: &ModelPlan) -> Self {
+        Self { right_kpa: plan.breast.young_right_kpa, left_kpa: plan.breast.young_left_kpa }
+    }
+
+    /// Modulus of a side (kPa).
+    pub fn of_side(&self, side: Side) -> f64 {
+        match side {
+            Side::Right => self.right_kpa,
+            Side::Left => self.left_kpa,
+        }
+    }
+}
+
+/// One law for breast, skin and fascia alike, in place of the laws of the plan.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LawOverride {
+    /// Constitutive law.
+    pub name: LawName,
+    /// Jₘ of the Gent law.
+    pub jm: Option<f64>,
+    /// Poisson's ratio.
+    pub poisson: f64,
+}
+
+/// The body in its reference pose, and what it rests on.
+pub struct Body<'a> {
+    /// Nodes in the reference pose.
+    pub mesh: &'a TetMesh,
+    /// Chest wall.
+    pub wall: Arc<dyn Target>,
+    /// Bases of the breasts.
+    pub anatomy: &'a Anatomy,
+    /// Tissues and supports.
+    pub plan: &'a ModelPlan,
+}
+
+impl Body<'_> {
+    /// The model whose stress-free shape has its nodes at `rest`, under gravity along `gravity`
+    /// (unit vector; zero for none).
+    ///
+    /// # Errors
+    /// A plan that no model can be made of.
+    pub fn model(
+        &self,
+        rest: &[Vec3],
+        moduli: Moduli,
+        gravity: Vec3,
+        law: Option<LawOverride>,
+    ) -> Result<Model, Failure> {
+        let plan = self.plan;
+        let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("model: {cause}"));
+        let breast = law.unwrap_or(LawOverride {
+            name: plan.breast.law,
+            jm: plan.breast.jm,
+            poisson: plan.breast.poisson,
+        });
+        let bulk = |young_kpa: f64| {
+            Law::new(breast.name, young_kpa, breast.poisson, breast.jm).map_err(|c| refuse(&c))
+        };
+        let (right, left) = (bulk(moduli.right_kpa)?, bulk(moduli.left_kpa)?);
+        let is_right =
+            |t: &Tissue| matches!(t, Tissue::AdiposeRight | Tissue::FibroglandularRight);
+        let laws = self.mesh.tissues.iter().map(|t| if is_right(t) { right } else { left }).collect();
+
+        let mesh = TetMesh { points: rest.to_vec(), ..self.mesh.clone() };
+        let mut model = Model::new(&mesh);
+        model.add(Bulk::new("breast", &mesh, laws).map_err(|c| refuse(&c))?);
+        for (name, layer, patch) in
+            [("skin", &plan.skin, Patch::Skin), ("fascia", &plan.fascia, Patch::ChestWall)]
+        {
+            let (kind, jm) = law.map_or((layer.law, layer.jm), |l| (l.name, l.jm));
+            let law = Law::new(kind, layer.young_kpa, MEMBRANE_POISSON, jm)
+                .map_err(|c| refuse(&c))?;
+            let faces = self.mesh.patch(patch);
+            let thickness = vec![layer.thickness_mm; faces.len()];
+            let laws = vec![law; faces.len()];
+            let membrane = Membrane::new(name, rest, faces, &thickness, &laws);
+            model.add(membrane.map_err(|c| refuse(&c))?);
+        }
+        if gravity != Vec3::zeros() {
+            model.add(Gravity::new("gravity", &mesh, plan.density_g_per_cm3, gravity));
+        }
+        self.support(&mut model)?;
+        Ok(model)
+    }
+
+    /// Chest wall, ligaments and cut edges (Mîra 2018, § 3.4).
+    fn support(&self, model: &mut Model) -> Result<(), Failure> {
+        let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("model: {cause}"));
+        let reference = &self.mesh.points;
+        match self.plan.interface.kind {
+            InterfaceKind::NoSeparation => {
+                let faces = self.mesh.patch(Patch::ChestWall);
+                let wall = self.wall.clone();
+                let friction = self.plan.interface.friction;
+                let sliding = Sliding::new("chest_wall", reference, faces, wall, friction);
+                model.add(sliding.map_err(|c| refuse(&c))?);
+            }
+            InterfaceKind::Bonded => {
+                for n in self.mesh.patch_nodes(Patch::ChestWall) {
+                    model.hold(n, reference[n as usize]);
+                }
+            }
+        }
+        let mut names = Vec::new();
+        for name in &self.plan.ligaments.names {
+            names.push(Ligament::from_name(name).ok_or_else(|| {
+                Failure::BadInput(format!("model.ligaments.names: no ligament is called {name}"))
+            })?);
+        }
+        let young = self.plan.ligaments.young_kpa;
+        let cables: Vec<Cable> = cables(self.mesh, self.anatomy, &names)
+            .iter()
+            .map(|c| Cable::new(c.node, c.anchor, LENGTH_MM, young * c.section_mm2 / LENGTH_MM))
+            .collect();
+        model.add(Cables::new("ligaments", cables));
+        // Skin and fascia go on beyond the cuts: their ends stay where they are.
+        Ok(())
+    }
+}
+
+/// Poisson's ratio of membranes: they are incompressible by their kinematics, it has no effect.
+const MEMBRANE_POISSON: f64 = 0.49;

@@ -1,0 +1,195 @@
+//! A pose as a target: what was measured there, and how far a simulated body is from it.
+
+use crate::{
+    mesh::BreastMesh,
+    model::{Body, Moduli},
+    register::Registered,
+    surface::PoseSurfaces,
+};
+use mammotwin_data::{
+    Failure, Vec3,
+    io::hdf5,
+    labels::Side,
+    mesh::Patch,
+    progress::Silent,
+    solution::{Checks, Solution},
+    surface::TriMesh,
+};
+use mammotwin_solver::{
+    distance::{Active, Distances, SurfaceIndex, compare},
+    newton,
+};
+
+/// Skin within this elliptic radius of a breast's base is compared; arms and cuts are not.
+const ACTIVE_RADIUS: f64 = 1.15;
+/// Skin this near (mm) to a cut is not compared: the model's limit is not the person's.
+const CUT_MARGIN_MM: f64 = 15.0;
+
+/// What was measured in one pose, in the frame of the reference pose.
+pub struct PoseTarget {
+    /// Name of the pose.
+    pub pose: String,
+    /// Unit vector of gravity.
+    pub gravity: Vec3,
+    /// Measured skin.
+    skin: TriMesh,
+    index: SurfaceIndex,
+    /// The simulated skin's triangles, and the nodes that are compared.
+    faces: Vec<[u32; 3]>,
+    active: Vec<u32>,
+    /// Side of each active node.
+    sides: Vec<Side>,
+}
+
+/// A simulated pose beside the measured one.
+#[derive(Debug, Clone)]
+pub struct PoseFit {
+    /// Name of the pose.
+    pub pose: String,
+    /// Unit vector of gravity in the reference pose's frame.
+    pub gravity: Vec3,
+    /// Simulated node positions (mm).
+    pub points: Vec<Vec3>,
+    /// Nodes of the skin that are compared.
+    pub active: Vec<u32>,
+    /// Signed distance (mm) of each active node to the measured skin, positive outside of it.
+    pub signed_mm: Vec<f64>,
+    /// Distances between simulated and measured skin.
+    pub distances: Distances,
+    /// Whether the simulation may be believed.
+    pub checks: Checks,
+}
+
+impl PoseFit {
+    /// Writes into a group.
+    pub fn put(&self, file: &mut hdf5::Writer, group: &str) -> Result<(), Failure> {
+        file.put(&format!("{group}/gravity"), &[self.gravity], "1", "direction of gravity")?;
+        file.put(&format!("{group}/points"), &self.points, "mm", "simulated node positions")?;
+        file.put(&format!("{group}/active"), &self.active, "1", "compared skin nodes")?;
+        let name = format!("{group}/signed_distance");
+        file.put(&name, &self.signed_mm, "mm", "signed distance to the measured skin")?;
+        file.put_json(&format!("{group}/distances"), &self.distances, "distance measures (mm)")?;
+        file.put_json(&format!("{group}/checks"), &self.checks, "checks of the solution")?;
+        Ok(())
+    }
+
+    /// Reads what [`PoseFit::put`] wrote.
+    pub fn get(file: &hdf5::Reader, group: &str, pose: &str) -> Result<Self, Failure> {
+        let gravity: Vec<Vec3> = file.get(&format!("{group}/gravity"))?;
+        Ok(Self {
+            pose: pose.into(),
+            gravity: gravity.first().copied().unwrap_or_else(Vec3::zeros),
+            points: file.get(&format!("{group}/points"))?,
+            active: file.get(&format!("{group}/active"))?,
+            signed_mm: file.get(&format!("{group}/signed_distance"))?,
+            distances: file.json(&format!("{group}/distances"))?,
+            checks: file.json(&format!("{group}/checks"))?,
+        })
+    }
+}
+
+impl PoseTarget {
+    /// Brings the measured surfaces of a pose into the reference pose's frame.
+    pub fn new(
+        pose: &str,
+        mesh: &BreastMesh,
+        registered: &Registered,
+        surfaces: &PoseSurfaces,
+    ) -> Result<Self, Failure> {
+        let points = surfaces.skin.points.iter().map(|p| registered.transform.point(p)).collect();
+        let skin = TriMesh { points, triangles: surfaces.skin.triangles.clone() };
+        let index = SurfaceIndex::new(&skin)
+            .map_err(|cause| Failure::BadInput(format!("{pose}: measured skin: {cause}")))?;
+        let cuts: Vec<Vec3> = [Patch::Superior, Patch::Inferior, Patch::LateralRight, Patch::LateralLeft]
+            .iter()
+            .flat_map(|&cut| mesh.mesh.patch_nodes(cut))
+            .map(|n| mesh.mesh.points[n as usize])
+            .collect();
+        let mut active = Vec::new();
+        let mut sides = Vec::new();
+        for n in mesh.mesh.patch_nodes(Patch::Skin) {
+            let p = mesh.mesh.points[n as usize];
+            let Some((base, radius)) = mesh.anatomy.nearest(&p) else { continue };
+            let near_cut = || cuts.iter().any(|c| (c - p).norm() < CUT_MARGIN_MM);
+            if radius < ACTIVE_RADIUS && !near_cut() {
+                active.push(n);
+                sides.push(base.side);
+            }
+        }
+        let faces = mesh.mesh.patch(Patch::Skin).to_vec();
+        Ok(Self { pose: pose.into(), gravity: registered.gravity, skin, index, faces, active, sides })
+    }
+
+    /// Loads a stress-free body into this pose; `start` is where Newton begins.
+    pub fn load(
+        &self,
+        body: &Body,
+        rest: &[Vec3],
+        moduli: Moduli,
+        start: &[Vec3],
+    ) -> Result<Solution, Failure> {
+        let model = body.model(rest, moduli, self.gravity, None)?;
+        newton::solve(&model, start, &newton::Options::default(), &Silent)
+            .map_err(|cause| Failure::Numerics(format!("{}: {cause}", self.pose)))
+    }
+
+    /// Compares a simulated body with what was measured.
+    pub fn measure(&self, solution: &Solution) -> Result<PoseFit, Failure> {
+        let wrong =
+            |cause: &dyn std::fmt::Display| Failure::Numerics(format!("{}: {cause}", self.pose));
+        let simulated = TriMesh { points: solution.points.clone(), triangles: self.faces.clone() };
+        let at: Vec<Vec3> = self.active.iter().map(|&n| solution.points[n as usize]).collect();
+        let closest = self.index.closest_of(&at).map_err(|c| wrong(&c))?;
+        let signed_mm = closest.iter().zip(&at).map(|(c, p)| c.signed_mm(p)).collect();
+        // The measured nodes that take part are those whose nearest simulated node does.
+        let there = self.measured_nodes(&simulated).map_err(|c| wrong(&c))?;
+        let distances = compare(
+            Active { surface: &simulated, nodes: &self.active },
+            Active { surface: &self.skin, nodes: &there },
+        )
+        .map_err(|c| wrong(&c))?;
+        Ok(PoseFit {
+            pose: self.pose.clone(),
+            gravity: self.gravity,
+            points: solution.points.clone(),
+            active: self.active.clone(),
+            signed_mm,
+            distances,
+            checks: solution.checks,
+        })
+    }
+
+    fn measured_nodes(
+        &self,
+        simulated: &TriMesh,
+    ) -> Result<Vec<u32>, mammotwin_solver::distance::DistanceError> {
+        let mut is_active = vec![false; simulated.points.len()];
+        for &n in &self.active {
+            is_active[n as usize] = true;
+        }
+        let inside = |f: &&[u32; 3]| f.iter().all(|&n| is_active[n as usize]);
+        let core: Vec<[u32; 3]> = self.faces.iter().filter(inside).copied().collect();
+        let whole = SurfaceIndex::new(simulated)?;
+        let core = SurfaceIndex::new(&TriMesh { points: simulated.points.clone(), triangles: core })?;
+        let near_whole = whole.closest_of(&self.skin.points)?;
+        let near_core = core.closest_of(&self.skin.points)?;
+        let same = |n: &usize| near_core[*n].distance_mm <= near_whole[*n].distance_mm + 1e-9;
+        Ok((0..self.skin.points.len()).filter(same).map(|n| n as u32).collect())
+    }
+
+    /// Mean signed distance (mm) of the skin of one breast, weighted by how far it faces along
+    /// gravity: positive when the simulated breast sags too far.
+    pub fn sag_residual_mm(&self, fit: &PoseFit, side: Side) -> f64 {
+        let surface = TriMesh { points: fit.points.clone(), triangles: self.faces.clone() };
+        let normals = surface.vertex_normals();
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for ((&n, &on), signed) in self.active.iter().zip(&self.sides).zip(&fit.signed_mm) {
+            let weight = normals[n as usize].dot(&self.gravity).max(0.0);
+            if on == side {
+                sum += weight * signed;
+                weights += weight;
+            }
+        }
+        if weights > 0.0 { sum / weights } else { 0.0 }
+    }
+}

@@ -1,0 +1,86 @@
+//! The rigid motion of a pose to the reference pose, from the images behind the breasts.
+
+use crate::{
+    align::Start,
+    artifact::{load_json, save_json},
+};
+use mammotwin_data::{
+    Failure, Vec3,
+    labels::{LabelMap, Tissue},
+    progress::Progress,
+    rigid::RigidTransform,
+    store::{Artifact, Stage},
+    volume::Volume,
+};
+use mammotwin_imaging::mri::register;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Registers the image of a pose to the reference pose.
+#[derive(Debug, Clone, Serialize)]
+pub struct Register {
+    /// Unit vector of gravity in the pose's image.
+    pub gravity_in_image: Vec3,
+}
+
+/// How a pose lies in the reference pose's frame.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Registered {
+    /// From the pose's image to the reference pose.
+    pub transform: RigidTransform,
+    /// Unit vector of gravity in the reference pose's frame.
+    pub gravity: Vec3,
+    /// The motion that the landmarks alone gave.
+    pub start: Start,
+    /// What the image registration says of itself; `None` for the reference pose.
+    pub image: Option<register::Registration>,
+}
+
+impl Registered {
+    /// The reference pose itself.
+    pub fn reference(gravity: Vec3) -> Self {
+        let transform = RigidTransform::identity();
+        let start = Start { transform, landmark_rms_mm: None, landmarks: 0 };
+        Self { transform, gravity, start, image: None }
+    }
+}
+
+impl Artifact for Registered {
+    const EXTENSION: &'static str = "json";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        save_json(self, path)
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        load_json(path)
+    }
+}
+
+impl Stage for Register {
+    const NAME: &'static str = "register";
+    const VERSION: u32 = 1;
+    const METHODS: &'static str = "Poses were registered rigidly to the reference pose by maximising the normalised \
+         cross-correlation of the images over muscle and thorax, from coarse to fine.";
+    type Input = (Volume<f32>, LabelMap, Volume<f32>, Start);
+    type Output = Registered;
+
+    fn run(
+        &self,
+        (reference, labels, moving, start): &Self::Input,
+        progress: &dyn Progress,
+    ) -> Result<Registered, Failure> {
+        let mask = labels.map(Tissue::is_chest_wall);
+        let found = register::register(
+            reference,
+            &mask,
+            moving,
+            start.transform,
+            &register::Options::default(),
+            progress,
+        )
+        .map_err(|cause| Failure::Numerics(format!("registration: {cause}")))?;
+        let gravity = found.transform.direction(&self.gravity_in_image).normalize();
+        Ok(Registered { transform: found.transform, gravity, start: *start, image: Some(found) })
+    }
+}
