@@ -3,4 +3,4 @@
 //! A stage is thin: it says what it needs and what it makes, and calls `imaging` and `solver`.
 //!
 
-
+pub mod results;

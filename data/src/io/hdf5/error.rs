@@ -49,8 +49,8 @@ pub enum Hdf5Error {
 }
 
 impl Hdf5Error {
-    pub(super) fn io(path: &Path, what: &str, cause: impl std::fmt::Display) -> Self {
-        Self::Io { path: path.to_owned(), what: what.into(), cause: cause.to_string() }
+    pub(super) fn io(path: &Path, what: &str, cause: ::hdf5::Error) -> Self {
+        Self::Io { path: path.to_owned(), what: what.into(), cause: shortened(&cause.to_string()) }
     }
 
     pub(super) fn invalid(path: &Path, name: &str, why: impl std::fmt::Display) -> Self {
@@ -65,4 +65,10 @@ impl From<Hdf5Error> for Failure {
             other => Self::BadInput(other.to_string()),
         }
     }
+}
+
+/// The operating system's words when the library's text holds them, else the whole text.
+fn shortened(cause: &str) -> String {
+    let system = cause.split_once("error message = '").and_then(|(_, rest)| rest.split_once('\''));
+    system.map_or(cause, |(words, _)| words).to_string()
 }

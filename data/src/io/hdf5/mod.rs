@@ -23,16 +23,20 @@
 //! Equal calls give equal bytes: no times are kept, objects lie in the order of the calls.
 //! `f64` and `f32` values are kept bit by bit.
 
+mod curves;
 mod error;
 mod images;
 mod meshes;
 mod reader;
 mod row;
+mod vtkhdf;
 mod writer;
 
+pub use curves::{Column, Curve};
 pub use error::Hdf5Error;
 pub use reader::Reader;
 pub use row::{Element, Row};
+pub use vtkhdf::{Field, Step};
 pub use writer::Writer;
 
 #[cfg(test)]

@@ -167,3 +167,61 @@ fn a_damaged_file_is_an_error_or_another_value_but_no_panic() {
     }
     assert!(refused >= 100, "every truncated file at least: {refused}");
 }
+
+#[test]
+fn a_curve_has_a_dimension_scale_and_a_grid_its_fixed_type() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.h5");
+    write_grid(&path).unwrap();
+    let file = ::hdf5::File::open(&path).unwrap();
+    let attribute = file.group("VTKHDF").unwrap().attr("Type").unwrap();
+    let kind = attribute.dtype().unwrap().to_descriptor().unwrap();
+    assert_eq!(kind, ::hdf5::types::TypeDescriptor::FixedAscii(16));
+    let version = file.group("VTKHDF").unwrap().attr("Version").unwrap();
+    assert_eq!(version.read_raw::<i64>().unwrap(), [1, 0]);
+    let force = file.dataset("curves/force_thickness/force_n").unwrap();
+    assert_eq!(force.attr("DIMENSION_LIST").unwrap().shape(), [1]);
+    let file = Reader::open(&path).unwrap();
+    assert_eq!(file.get::<i64>("VTKHDF/Offsets").unwrap(), [0, 4, 8]);
+}
+
+fn write_grid(path: &Path) -> Result<(), Hdf5Error> {
+    let (mesh, state) = (mesh(), solution());
+    let mut file = Writer::create(path)?;
+    let moved = Field::vector("displacement_mm", "mm", "Displacement", &state.points);
+    let strain = Field::scalar("det_f", "1", "Volume ratio", vec![1.0, 0.9]);
+    file.put_vtkhdf(&mesh, &state.points, &[moved], &[strain])?;
+    let curve = Curve {
+        name: "force_thickness".into(),
+        long_name: "Compression".into(),
+        along: Column::new("thickness_mm", "mm", "Distance of the plates", vec![60.0, 50.0]),
+        columns: vec![Column::new("force_n", "N", "Force of the paddle", vec![1.0, 2.0])],
+    };
+    file.put_curve("curves", &curve)?;
+    file.finish()
+}
+
+/// Two states of the same mesh.
+fn steps() -> Vec<Step> {
+    let step = |value: f64| Step {
+        value,
+        points: mesh().points.iter().map(|p| p * value).collect(),
+        point_fields: vec![Field::scalar("p_kpa", "kPa", "Pressure", vec![value; 5])],
+        cell_fields: vec![Field::vector("s", "1", "Stretch", &[Vec3::x() * value, Vec3::y()])],
+    };
+    vec![step(1.0), step(2.0)]
+}
+
+#[test]
+fn steps_lie_behind_each_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("steps.h5");
+    let mut file = Writer::create(&path).unwrap();
+    file.put_vtkhdf_steps(&mesh(), &steps(), "mm", "Thickness").unwrap();
+    file.finish().unwrap();
+    let file = Reader::open(&path).unwrap();
+    assert_eq!(file.get::<i64>("VTKHDF/Steps/PointOffsets").unwrap(), [0, 5]);
+    assert_eq!(file.get::<i64>("VTKHDF/Steps/CellDataOffsets/s").unwrap(), [0, 2]);
+    assert_eq!(file.get::<Vec3>("VTKHDF/Points").unwrap()[6], Vec3::x() * 2.0);
+    assert_eq!(file.get::<Vec3>("VTKHDF/CellData/s").unwrap()[2], Vec3::x() * 2.0);
+}

@@ -1,7 +1,10 @@
 //! Makes a new HDF5 file.
 
 use super::{Element, Hdf5Error, Row};
-use ::hdf5::{File, types::VarLenUnicode};
+use ::hdf5::{
+    File,
+    types::{FixedAscii, VarLenUnicode},
+};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -145,6 +148,35 @@ impl Writer {
             object.new_attr::<VarLenUnicode>().create(name)?.write_scalar(&value)
         };
         self.located(of).and_then(|object| make(&object)).map_err(|cause| self.failed(of, cause))
+    }
+
+    /// Writes a text attribute in fixed-length ASCII, as VTK and the dimension scales want it.
+    pub(super) fn ascii_attribute<const N: usize>(
+        &mut self,
+        of: &str,
+        name: &str,
+        text: &[u8; N],
+    ) -> Result<(), Hdf5Error> {
+        let value = FixedAscii::<N>::from_ascii(text)
+            .map_err(|cause| Hdf5Error::invalid(&self.path, of, cause))?;
+        let make = |object: ::hdf5::Location| {
+            object.new_attr::<FixedAscii<N>>().create(name)?.write_scalar(&value)
+        };
+        self.located(of).and_then(make).map_err(|cause| self.failed(of, cause))
+    }
+
+    /// Writes an attribute of integers; one integer becomes a scalar. `"/"` is the file itself.
+    pub fn integer_attribute(
+        &mut self,
+        of: &str,
+        name: &str,
+        values: &[i64],
+    ) -> Result<(), Hdf5Error> {
+        let make = |object: ::hdf5::Location| match values {
+            [value] => object.new_attr::<i64>().create(name)?.write_scalar(value),
+            _ => object.new_attr_builder().with_data(values).create(name).map(|_| ()),
+        };
+        self.located(of).and_then(make).map_err(|cause| self.failed(of, cause))
     }
 
     /// A dataset or group as something that can carry attributes.
