@@ -21,6 +21,7 @@ pub mod solution;
 pub mod store;
 pub mod study;
 pub mod surface;
+pub mod tables;
 pub mod units;
 pub mod volume;
 

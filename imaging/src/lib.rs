@@ -1,1 +1,3 @@
-//! x
+//! Pictures in, pictures out: magnetic resonance and X-ray.
+
+pub mod xray;
