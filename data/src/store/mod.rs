@@ -17,6 +17,7 @@
 //! OUT/cache/segment/prone-0123456789abcdef.failed.json  why it could not be computed
 //! ```
 
+mod artifacts;
 mod drive;
 mod hashes;
 mod inputs;

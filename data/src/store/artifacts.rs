@@ -1,0 +1,50 @@
+//! Central types as artifacts: images and labels as NIfTI, landmarks as CSV.
+
+use super::Artifact;
+use crate::{
+    Failure,
+    io::{
+        landmarks,
+        nifti::{self, Version, VoxelType},
+    },
+    labels::LabelMap,
+    landmarks::Landmarks,
+    volume::Volume,
+};
+use std::path::Path;
+
+impl Artifact for Volume<f32> {
+    const EXTENSION: &'static str = "nii.gz";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        Ok(nifti::write(path, self, VoxelType::F32, Version::Two)?)
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        Ok(nifti::read(path)?)
+    }
+}
+
+impl Artifact for LabelMap {
+    const EXTENSION: &'static str = "nii.gz";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        Ok(nifti::write_labels(path, self, Version::One)?)
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        Ok(nifti::read_labels(path)?)
+    }
+}
+
+impl Artifact for Landmarks {
+    const EXTENSION: &'static str = "csv";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        Ok(landmarks::write_csv(path, self)?)
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        Ok(landmarks::read(path)?)
+    }
+}

@@ -1,0 +1,98 @@
+//! The compressed breast as an object to be X-rayed.
+
+use crate::compress::Compression;
+use mammotwin_data::{
+    Failure, Vec3,
+    io::hdf5,
+    progress::Progress,
+    store::{Artifact, Stage},
+    study::MammogramPlan,
+    surface::TriMesh,
+};
+use mammotwin_imaging::xray::phantom::{self, PhantomError};
+use serde::Serialize;
+use std::path::Path;
+
+/// Brings the compressed surface into the detector's frame.
+#[derive(Debug, Clone, Serialize)]
+pub struct Phantom {
+    /// Tissue and microcalcifications.
+    pub plan: MammogramPlan,
+    /// Seed of the shapes of the microcalcifications.
+    pub seed: u64,
+}
+
+/// A compressed breast and what is put into it.
+#[derive(Debug, Clone)]
+pub struct CompressedPhantom {
+    /// Closed outer surface; x to the person's right, y away from the chest wall from the
+    /// detector's edge, z up from the receptor (mm).
+    pub surface: TriMesh,
+    /// Distance of the plates (mm).
+    pub thickness_mm: f64,
+    /// Tissue and microcalcifications.
+    pub plan: MammogramPlan,
+    /// Seed of the shapes of the microcalcifications.
+    pub seed: u64,
+}
+
+impl CompressedPhantom {
+    /// The phantom with microcalcifications of one diameter (mm).
+    pub fn with_diameter(&self, diameter_mm: f64) -> Result<phantom::Phantom, PhantomError> {
+        let surface = self.surface.clone();
+        phantom::Phantom::new(surface, self.thickness_mm, &self.plan, diameter_mm, self.seed)
+    }
+}
+
+impl Artifact for CompressedPhantom {
+    const EXTENSION: &'static str = "h5";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        let mut file = hdf5::Writer::create(path)?;
+        file.put_surface("surface", &self.surface)?;
+        file.put_scalar("thickness", self.thickness_mm, "mm", "distance of the plates")?;
+        file.put_json("plan", &self.plan, "tissue and microcalcifications")?;
+        file.put_json("seed", &self.seed, "seed of the microcalcifications")?;
+        Ok(file.finish()?)
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        let file = hdf5::Reader::open(path)?;
+        Ok(Self {
+            surface: file.surface("surface")?,
+            thickness_mm: file.scalar("thickness")?,
+            plan: file.json("plan")?,
+            seed: file.json("seed")?,
+        })
+    }
+}
+
+impl Stage for Phantom {
+    const NAME: &'static str = "phantom";
+    const VERSION: u32 = 1;
+    const METHODS: &'static str = "The compressed breast was filled with uniform breast tissue and a matrix of irregular \
+         aluminium-equivalent microcalcifications at half of its thickness (Mîra 2018, § 5.2.2).";
+    type Input = Compression;
+    type Output = CompressedPhantom;
+
+    fn run(
+        &self,
+        compression: &Compression,
+        _: &dyn Progress,
+    ) -> Result<CompressedPhantom, Failure> {
+        let plates = &compression.plates;
+        // The detector is centred on the nipple.
+        let nipple = compression.nipple();
+        let corner = Vec3::new(nipple.x, plates.edge_y_mm, plates.receptor_z_mm);
+        let (mut surface, _) = compression.outer_surface().compacted();
+        for p in &mut surface.points {
+            *p -= corner;
+        }
+        Ok(CompressedPhantom {
+            surface,
+            thickness_mm: plates.thickness_mm,
+            plan: self.plan.clone(),
+            seed: self.seed,
+        })
+    }
+}
