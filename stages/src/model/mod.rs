@@ -60,6 +60,7 @@ pub struct LawOverride {
 }
 
 /// The body in its reference pose, and what it rests on.
+#[derive(Clone)]
 pub struct Body<'a> {
     /// Nodes in the reference pose.
     pub mesh: &'a TetMesh,

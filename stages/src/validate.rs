@@ -1,0 +1,85 @@
+//! A pose that the calibration never saw.
+
+use crate::{
+    calibrate::{Calibration, Fit},
+    mesh::BreastMesh,
+    model::Body,
+    pose::{PoseFit, PoseTarget},
+    register::Registered,
+    surface::PoseSurfaces,
+};
+use mammotwin_data::{
+    Failure,
+    io::hdf5,
+    progress::Progress,
+    store::{Artifact, Stage},
+    study::ModelPlan,
+};
+use serde::Serialize;
+use std::path::Path;
+
+/// Loads the calibrated breasts into a held-out pose.
+#[derive(Debug, Clone, Serialize)]
+pub struct Validate {
+    /// Tissues and supports.
+    pub model: ModelPlan,
+    /// Name of the pose.
+    pub pose: String,
+}
+
+/// The held-out pose, simulated before and after the fit.
+#[derive(Debug, Clone)]
+pub struct Validation {
+    /// With the moduli of the study and the stress-free shape that belongs to them.
+    pub before: PoseFit,
+    /// With the fitted moduli.
+    pub after: PoseFit,
+}
+
+impl Artifact for Validation {
+    const EXTENSION: &'static str = "h5";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        let mut file = hdf5::Writer::create(path)?;
+        file.put_text("pose", &self.after.pose, "name of the pose")?;
+        self.before.put(&mut file, "before")?;
+        self.after.put(&mut file, "after")?;
+        Ok(file.finish()?)
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        let file = hdf5::Reader::open(path)?;
+        let pose = file.text("pose")?;
+        Ok(Self {
+            before: PoseFit::get(&file, "before", &pose)?,
+            after: PoseFit::get(&file, "after", &pose)?,
+        })
+    }
+}
+
+impl Stage for Validate {
+    const NAME: &'static str = "validate";
+    const VERSION: u32 = 1;
+    const METHODS: &'static str = "A pose that the calibration never read was simulated from the stress-free shape; \
+         distances are those of Mîra (2018, Appendix A) on the skin of the breasts.";
+    type Input = (BreastMesh, Calibration, Registered, PoseSurfaces);
+    type Output = Validation;
+
+    fn run(
+        &self,
+        (mesh, calibration, registered, surfaces): &Self::Input,
+        progress: &dyn Progress,
+    ) -> Result<Validation, Failure> {
+        let target = PoseTarget::new(&self.pose, mesh, registered, surfaces)?;
+        let body = Body::new(mesh, &self.model)?;
+        let measure = |fit: &Fit| {
+            let solution = target.load(&body, &fit.rest, fit.moduli, &mesh.mesh.points)?;
+            target.measure(&solution)
+        };
+        progress.report(0.0, "moduli of the study");
+        let before = measure(&calibration.before)?;
+        progress.report(0.5, "fitted moduli");
+        let after = measure(&calibration.after)?;
+        Ok(Validation { before, after })
+    }
+}
