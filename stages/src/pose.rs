@@ -12,7 +12,7 @@ use mammotwin_data::{
     labels::Side,
     mesh::Patch,
     progress::Silent,
-    solution::{Checks, Solution},
+    solution::Solution,
     surface::TriMesh,
 };
 use mammotwin_solver::{
@@ -48,28 +48,25 @@ pub struct PoseFit {
     pub pose: String,
     /// Unit vector of gravity in the reference pose's frame.
     pub gravity: Vec3,
-    /// Simulated node positions (mm).
-    pub points: Vec<Vec3>,
+    /// The simulated equilibrium.
+    pub solution: Solution,
     /// Nodes of the skin that are compared.
     pub active: Vec<u32>,
     /// Signed distance (mm) of each active node to the measured skin, positive outside of it.
     pub signed_mm: Vec<f64>,
     /// Distances between simulated and measured skin.
     pub distances: Distances,
-    /// Whether the simulation may be believed.
-    pub checks: Checks,
 }
 
 impl PoseFit {
     /// Writes into a group.
     pub fn put(&self, file: &mut hdf5::Writer, group: &str) -> Result<(), Failure> {
         file.put(&format!("{group}/gravity"), &[self.gravity], "1", "direction of gravity")?;
-        file.put(&format!("{group}/points"), &self.points, "mm", "simulated node positions")?;
+        file.put_solution(&format!("{group}/solution"), &self.solution)?;
         file.put(&format!("{group}/active"), &self.active, "1", "compared skin nodes")?;
         let name = format!("{group}/signed_distance");
         file.put(&name, &self.signed_mm, "mm", "signed distance to the measured skin")?;
         file.put_json(&format!("{group}/distances"), &self.distances, "distance measures (mm)")?;
-        file.put_json(&format!("{group}/checks"), &self.checks, "checks of the solution")?;
         Ok(())
     }
 
@@ -79,11 +76,10 @@ impl PoseFit {
         Ok(Self {
             pose: pose.into(),
             gravity: gravity.first().copied().unwrap_or_else(Vec3::zeros),
-            points: file.get(&format!("{group}/points"))?,
+            solution: file.solution(&format!("{group}/solution"))?,
             active: file.get(&format!("{group}/active"))?,
             signed_mm: file.get(&format!("{group}/signed_distance"))?,
             distances: file.json(&format!("{group}/distances"))?,
-            checks: file.json(&format!("{group}/checks"))?,
         })
     }
 }
@@ -134,7 +130,7 @@ impl PoseTarget {
     }
 
     /// Compares a simulated body with what was measured.
-    pub fn measure(&self, solution: &Solution) -> Result<PoseFit, Failure> {
+    pub fn measure(&self, solution: Solution) -> Result<PoseFit, Failure> {
         let wrong =
             |cause: &dyn std::fmt::Display| Failure::Numerics(format!("{}: {cause}", self.pose));
         let simulated = TriMesh { points: solution.points.clone(), triangles: self.faces.clone() };
@@ -151,11 +147,10 @@ impl PoseTarget {
         Ok(PoseFit {
             pose: self.pose.clone(),
             gravity: self.gravity,
-            points: solution.points.clone(),
+            solution,
             active: self.active.clone(),
             signed_mm,
             distances,
-            checks: solution.checks,
         })
     }
 
@@ -180,7 +175,7 @@ impl PoseTarget {
     /// Mean signed distance (mm) of the skin of one breast, weighted by how far it faces along
     /// gravity: positive when the simulated breast sags too far.
     pub fn sag_residual_mm(&self, fit: &PoseFit, side: Side) -> f64 {
-        let surface = TriMesh { points: fit.points.clone(), triangles: self.faces.clone() };
+        let surface = TriMesh { points: fit.solution.points.clone(), triangles: self.faces.clone() };
         let normals = surface.vertex_normals();
         let (mut sum, mut weights) = (0.0, 0.0);
         for ((&n, &on), signed) in self.active.iter().zip(&self.sides).zip(&fit.signed_mm) {

@@ -74,7 +74,7 @@ impl Stage for Validate {
         let body = Body::new(mesh, &self.model)?;
         let measure = |fit: &Fit| {
             let solution = target.load(&body, &fit.rest, fit.moduli, &mesh.mesh.points)?;
-            target.measure(&solution)
+            target.measure(solution)
         };
         progress.report(0.0, "moduli of the study");
         let before = measure(&calibration.before)?;

@@ -256,7 +256,7 @@ impl Search<'_> {
             } else {
                 target.load(&self.body, &found.rest, moduli, loaded)?
             };
-            poses.push(target.measure(&solution)?);
+            poses.push(target.measure(solution)?);
         }
         Ok(Fit { moduli, rest: found.rest, poses })
     }
