@@ -1,0 +1,507 @@
+//! Sums the terms of a model into one energy, one gradient and one sparse matrix.
+//!
+//! Elements are evaluated in parallel and summed in their own order, so that the sums are the
+//! same bits for any number of threads. Each node has four unknowns, three displacements and a
+//! pressure, kept together in the elimination order; fixed ones and absent pressures are left out.
+
+use crate::linear::{Ldlt, LinearError, Pattern};
+use crate::model::{Model, ModelError};
+use crate::ordering::{Graph, elimination_order};
+use crate::terms::{At, Block, ContactCheck, Load, Order, Refusal, Term};
+use mammotwin_data::{Vec3, solution::Solution};
+use rayon::prelude::*;
+
+/// Unknown that is not there.
+const NONE: u32 = u32::MAX;
+/// Elements evaluated at once; bounds the memory and fixes the order of sums.
+const CHUNK: usize = 1024;
+
+/// A state of the body during a solve.
+#[derive(Debug, Clone)]
+pub struct State {
+    /// Node positions (mm).
+    pub points: Vec<Vec3>,
+    /// Nodal pressures (kPa, positive in tension) that belong to the points.
+    pub pressure: Vec<f64>,
+    /// Memory of each term.
+    pub memory: Vec<Vec<f64>>,
+    /// What is switched on.
+    pub load: Load,
+}
+
+/// The term and element that refused a state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TermRefusal {
+    /// Index of the term in the model.
+    pub term: usize,
+    /// What it said.
+    pub refusal: Refusal,
+}
+
+/// Whether the element Hessians are taken as they are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Curvature {
+    /// As they are.
+    Exact,
+    /// Without their negative eigenvalues.
+    Projected,
+}
+
+/// Sparsity, unknowns and compliance of a model.
+pub struct Assembly {
+    /// Unknowns of each node: three displacements and the pressure.
+    unknowns: Vec<[u32; 4]>,
+    pattern: Pattern,
+    /// For each term and element, the value that each entry of its lower triangle adds to.
+    slots: Vec<Vec<u32>>,
+    /// Constant part of the matrix: minus the compliance.
+    constant: Vec<f64>,
+    /// Compliance of the pressures, factorised.
+    compliance: Option<Ldlt>,
+    /// Pressure unknown of each node within the compliance.
+    pressures: Vec<u32>,
+}
+
+impl Assembly {
+    /// Analyses a model.
+    ///
+    /// # Errors
+    /// A free node without tissue, or too little memory.
+    pub fn new(model: &Model) -> Result<Self, AssemblyError> {
+        let nodes = model.rest.len();
+        let all =
+            || model.terms().iter().flat_map(|t| (0..t.elements()).map(move |e| (t.as_ref(), e)));
+        let graph = Graph::of_elements(nodes, all().map(|(t, e)| t.nodes(e)));
+        let order = elimination_order(&graph);
+        let mut has_pressure = vec![false; nodes];
+        for (term, element) in all() {
+            if term.is_mixed() {
+                for &n in term.nodes(element) {
+                    has_pressure[n as usize] = true;
+                }
+            }
+        }
+        let mut unknowns = vec![[NONE; 4]; nodes];
+        let mut pressures = vec![NONE; nodes];
+        let (mut count, mut pressure_count) = (0, 0);
+        for &node in &order {
+            let node = node as usize;
+            let free = model.fixed()[node].map(|fixed| !fixed);
+            if free != [false; 3] && graph.row(node).is_empty() {
+                return Err(ModelError::Loose { node, place: model.rest[node].into() }.into());
+            }
+            for (axis, &wanted) in free.iter().chain([&has_pressure[node]]).enumerate() {
+                if wanted {
+                    unknowns[node][axis] = count;
+                    count += 1;
+                }
+            }
+            if has_pressure[node] {
+                pressures[node] = pressure_count;
+                pressure_count += 1;
+            }
+        }
+        let pattern = pattern_of(&graph, &unknowns, count as usize);
+        let slots = model.terms().iter().map(|t| slots_of(t.as_ref(), &unknowns, &pattern));
+        let mut assembly = Self {
+            slots: slots.collect(),
+            constant: vec![0.0; pattern.rows.len()],
+            unknowns,
+            pattern,
+            compliance: None,
+            pressures,
+        };
+        assembly.add_compliance(model, &graph, pressure_count as usize)?;
+        Ok(assembly)
+    }
+
+    /// Sparsity of the matrix.
+    pub fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+
+    fn add_compliance(
+        &mut self,
+        model: &Model,
+        graph: &Graph,
+        count: usize,
+    ) -> Result<(), AssemblyError> {
+        if count == 0 {
+            return Ok(());
+        }
+        let alone: Vec<[u32; 4]> = self.pressures.iter().map(|&p| [p, NONE, NONE, NONE]).collect();
+        let pattern = pattern_of(graph, &alone, count);
+        let mut values = vec![0.0; pattern.rows.len()];
+        for term in model.terms().iter().filter(|term| term.is_mixed()) {
+            for element in 0..term.elements() {
+                let local = term.compliance(element);
+                let nodes = term.nodes(element);
+                for a in 0..4 {
+                    for b in 0..=a {
+                        let (a_node, b_node) = (nodes[a] as usize, nodes[b] as usize);
+                        let (p, q) = (self.pressures[a_node], self.pressures[b_node]);
+                        let at = pattern.position(p.max(q) as usize, p.min(q) as usize);
+                        values[at.expect("neighbours are in the pattern")] += local[(a, b)];
+                        let (p, q) = (self.unknowns[a_node][3], self.unknowns[b_node][3]);
+                        let at = self.pattern.position(p.max(q) as usize, p.min(q) as usize);
+                        self.constant[at.expect("neighbours are in the pattern")] -= local[(a, b)];
+                    }
+                }
+            }
+        }
+        let mut factors = Ldlt::analyse(pattern)?;
+        factors.factor(&values)?;
+        self.compliance = Some(factors);
+        Ok(())
+    }
+
+    /// Energy (µJ) of a state with the nodes at `points`, and the pressures that belong to them.
+    ///
+    /// # Errors
+    /// The first term and element that cannot be in this state.
+    pub fn energy(
+        &mut self,
+        model: &Model,
+        state: &State,
+        points: &[Vec3],
+        pressure: &mut Vec<f64>,
+    ) -> Result<f64, EnergyError> {
+        let mut energy = 0.0;
+        let mut dilatation = vec![0.0; self.compliance.as_ref().map_or(0, |c| c.pattern().len())];
+        for (index, term) in model.terms().iter().enumerate() {
+            let at = At { points, pressure: &[], memory: &state.memory[index], load: state.load };
+            let parts: Vec<Result<(f64, f64), Refusal>> = (0..term.elements())
+                .into_par_iter()
+                .with_min_len(256)
+                .map(|element| {
+                    let mut block = Block::ZERO;
+                    match term.block(element, &at, Order::Value, &mut block) {
+                        Ok(()) => Ok((block.energy, block.dilatation)),
+                        Err(cause) => Err(Refusal { element, cause }),
+                    }
+                })
+                .collect();
+            for (element, part) in parts.into_iter().enumerate() {
+                let (own, theta) = part.map_err(|refusal| TermRefusal { term: index, refusal })?;
+                energy += own;
+                if theta != 0.0 {
+                    for &n in term.nodes(element) {
+                        dilatation[self.pressures[n as usize] as usize] += theta;
+                    }
+                }
+            }
+        }
+        pressure.clear();
+        pressure.resize(points.len(), 0.0);
+        if let Some(compliance) = &mut self.compliance {
+            let mut solved = Vec::new();
+            compliance.solve(&dilatation, &mut solved)?;
+            energy += 0.5 * dilatation.iter().zip(&solved).map(|(g, p)| g * p).sum::<f64>();
+            for (node, &unknown) in self.pressures.iter().enumerate() {
+                if unknown != NONE {
+                    pressure[node] = solved[unknown as usize];
+                }
+            }
+        }
+        if energy.is_finite() { Ok(energy) } else { Err(EnergyError::NotFinite) }
+    }
+
+    /// Gradient (mN) by node, fixed nodes included, and the lower values of the Newton matrix.
+    ///
+    /// # Errors
+    /// The first term and element that cannot be in this state.
+    pub fn newton_system(
+        &self,
+        model: &Model,
+        state: &State,
+        curvature: Curvature,
+        gradient: &mut Vec<Vec3>,
+        values: &mut Vec<f64>,
+    ) -> Result<(), TermRefusal> {
+        gradient.clear();
+        gradient.resize(model.rest.len(), Vec3::zeros());
+        values.clear();
+        values.extend_from_slice(&self.constant);
+        let mut blocks = vec![Block::ZERO; CHUNK];
+        for (index, term) in model.terms().iter().enumerate() {
+            let mut slots = self.slots[index].iter();
+            let evaluate = |element: usize, block: &mut Block| {
+                *block = Block::ZERO;
+                let at = state.at(index);
+                term.block(element, &at, Order::Hessian, block)?;
+                if curvature == Curvature::Projected {
+                    block.project(term.nodes(element).len());
+                }
+                Ok(())
+            };
+            for first in (0..term.elements()).step_by(CHUNK) {
+                let size = CHUNK.min(term.elements() - first);
+                evaluate_chunk(first, &mut blocks[..size], &evaluate)
+                    .map_err(|refusal| TermRefusal { term: index, refusal })?;
+                for (offset, block) in blocks[..size].iter().enumerate() {
+                    let nodes = term.nodes(first + offset);
+                    for (a, &n) in nodes.iter().enumerate() {
+                        gradient[n as usize] += block.gradient[a];
+                    }
+                    scatter(block, nodes.len(), term.is_mixed(), &mut slots, values);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Gradient (mN) of each term alone, by term and node.
+    ///
+    /// # Errors
+    /// The first term and element that cannot be in this state.
+    pub fn term_gradients(
+        &self,
+        model: &Model,
+        state: &State,
+    ) -> Result<Vec<Vec<Vec3>>, TermRefusal> {
+        let one = |(index, term): (usize, &Box<dyn Term>)| {
+            let mut gradient = vec![Vec3::zeros(); model.rest.len()];
+            let mut blocks = vec![Block::ZERO; CHUNK.min(term.elements())];
+            let evaluate = |element: usize, block: &mut Block| {
+                *block = Block::ZERO;
+                term.block(element, &state.at(index), Order::Gradient, block)
+            };
+            for first in (0..term.elements()).step_by(CHUNK) {
+                let size = CHUNK.min(term.elements() - first);
+                evaluate_chunk(first, &mut blocks[..size], &evaluate)
+                    .map_err(|refusal| TermRefusal { term: index, refusal })?;
+                for (offset, block) in blocks[..size].iter().enumerate() {
+                    for (a, &n) in term.nodes(first + offset).iter().enumerate() {
+                        gradient[n as usize] += block.gradient[a];
+                    }
+                }
+            }
+            Ok(gradient)
+        };
+        model.terms().iter().enumerate().map(one).collect()
+    }
+
+    /// Gathers minus the free part of a nodal gradient as a right-hand side.
+    pub fn right_hand_side(&self, gradient: &[Vec3]) -> Vec<f64> {
+        let mut rhs = vec![0.0; self.pattern.len()];
+        for (node, unknowns) in self.unknowns.iter().enumerate() {
+            for axis in 0..3 {
+                if unknowns[axis] != NONE {
+                    rhs[unknowns[axis] as usize] = -gradient[node][axis];
+                }
+            }
+        }
+        rhs
+    }
+
+    /// Spreads a solution of the Newton system over the nodes; fixed ones stay at zero.
+    pub fn displacement(&self, x: &[f64]) -> Vec<Vec3> {
+        let value = |unknown: u32| if unknown == NONE { 0.0 } else { x[unknown as usize] };
+        self.unknowns.iter().map(|u| Vec3::new(value(u[0]), value(u[1]), value(u[2]))).collect()
+    }
+
+    /// Whether a displacement is free.
+    pub fn is_free(&self, node: usize, axis: usize) -> bool {
+        self.unknowns[node][axis] != NONE
+    }
+
+    /// Adds a stiffness (mN/mm) to the diagonal of every displacement.
+    pub fn add_to_diagonal(&self, stiffness: f64, values: &mut [f64]) {
+        for unknown in self.unknowns.iter().flat_map(|u| &u[..3]).filter(|&&u| u != NONE) {
+            values[self.pattern.starts[*unknown as usize]] += stiffness;
+        }
+    }
+
+    /// Mean diagonal of the displacements (mN/mm).
+    pub fn mean_diagonal(&self, values: &[f64]) -> f64 {
+        let (mut sum, mut count) = (0.0, 0usize);
+        for unknown in self.unknowns.iter().flat_map(|u| &u[..3]).filter(|&&u| u != NONE) {
+            sum += values[self.pattern.starts[*unknown as usize]].abs();
+            count += 1;
+        }
+        sum / count.max(1) as f64
+    }
+}
+
+impl State {
+    /// A state with the nodes at `points` and nothing remembered yet.
+    pub fn new(model: &Model, points: Vec<Vec3>, load: Load) -> Self {
+        let memory = model.terms().iter().map(|term| term.first_memory(&points)).collect();
+        Self { pressure: vec![0.0; points.len()], points, memory, load }
+    }
+
+    /// What term `index` sees.
+    pub fn at(&self, index: usize) -> At<'_> {
+        At {
+            points: &self.points,
+            pressure: &self.pressure,
+            memory: &self.memory[index],
+            load: self.load,
+        }
+    }
+
+    /// The worst of all contacts.
+    pub fn contact(&self, model: &Model) -> ContactCheck {
+        let each = model.terms().iter().enumerate().filter_map(|(n, t)| t.contact(&self.at(n)));
+        each.fold(ContactCheck::default(), ContactCheck::worst)
+    }
+
+    /// Lets every contact update its multipliers.
+    pub fn update_multipliers(&mut self, model: &Model) {
+        for (term, memory) in model.terms().iter().zip(&mut self.memory) {
+            term.update_multipliers(&self.points, self.load, memory);
+        }
+    }
+
+    /// Fields of a solution that the terms know.
+    pub fn report(&self, model: &Model) -> Solution {
+        let mut solution = Solution { points: self.points.clone(), ..Solution::default() };
+        for (index, term) in model.terms().iter().enumerate() {
+            term.report(&self.at(index), &mut solution);
+        }
+        solution
+    }
+}
+
+/// Why an assembly cannot be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum AssemblyError {
+    /// The model is incomplete.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The linear algebra refused.
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+}
+
+/// Why a state has no energy.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum EnergyError {
+    /// An element cannot be in this state.
+    Refused(TermRefusal),
+    /// The pressures cannot be found.
+    Linear(LinearError),
+    /// An overflow or NaN.
+    NotFinite,
+}
+
+impl From<TermRefusal> for EnergyError {
+    fn from(refusal: TermRefusal) -> Self {
+        Self::Refused(refusal)
+    }
+}
+
+impl From<LinearError> for EnergyError {
+    fn from(error: LinearError) -> Self {
+        Self::Linear(error)
+    }
+}
+
+/// Evaluates consecutive elements in parallel; the refusal is that of the first one.
+fn evaluate_chunk(
+    first: usize,
+    blocks: &mut [Block],
+    evaluate: &(impl Fn(usize, &mut Block) -> Result<(), crate::materials::MaterialError> + Sync),
+) -> Result<(), Refusal> {
+    let refusals: Vec<Option<Refusal>> = blocks
+        .par_iter_mut()
+        .with_min_len(32)
+        .enumerate()
+        .map(|(offset, block)| {
+            let element = first + offset;
+            evaluate(element, block).err().map(|cause| Refusal { element, cause })
+        })
+        .collect();
+    refusals.into_iter().flatten().next().map_or(Ok(()), Err)
+}
+
+/// Adds a block to the matrix, in the order of [`slots_of`].
+fn scatter<'a>(
+    block: &Block,
+    nodes: usize,
+    mixed: bool,
+    slots: &mut impl Iterator<Item = &'a u32>,
+    values: &mut [f64],
+) {
+    let mut add = |value: f64| {
+        let slot = *slots.next().expect("one slot for each entry");
+        if slot != NONE {
+            values[slot as usize] += value;
+        }
+    };
+    for a in 0..nodes {
+        for b in 0..=a {
+            for i in 0..3 {
+                for j in 0..if a == b { i + 1 } else { 3 } {
+                    add(block.hessian[a][b][(i, j)]);
+                }
+            }
+        }
+    }
+    if mixed {
+        for gradient in &block.dilatation_gradient[..nodes] {
+            for i in 0..3 {
+                for _ in 0..nodes {
+                    add(gradient[i]);
+                }
+            }
+        }
+    }
+}
+
+/// Where the entries of each element go, in the order in which [`scatter`] visits them.
+fn slots_of(term: &dyn Term, unknowns: &[[u32; 4]], pattern: &Pattern) -> Vec<u32> {
+    let position = |p: u32, q: u32| match (p, q) {
+        (NONE, _) | (_, NONE) => NONE,
+        (p, q) => pattern
+            .position(p.max(q) as usize, p.min(q) as usize)
+            .expect("neighbours are in the pattern") as u32,
+    };
+    let each = |element: usize| {
+        let nodes = term.nodes(element);
+        let mut slots = Vec::new();
+        for (a, &row) in nodes.iter().enumerate() {
+            for (b, &column) in nodes[..=a].iter().enumerate() {
+                for i in 0..3 {
+                    for j in 0..if a == b { i + 1 } else { 3 } {
+                        let (p, q) = (unknowns[row as usize][i], unknowns[column as usize][j]);
+                        slots.push(position(p, q));
+                    }
+                }
+            }
+        }
+        if term.is_mixed() {
+            for &row in nodes {
+                for i in 0..3 {
+                    for &column in nodes {
+                        let (p, q) = (unknowns[row as usize][i], unknowns[column as usize][3]);
+                        slots.push(position(p, q));
+                    }
+                }
+            }
+        }
+        slots
+    };
+    (0..term.elements()).into_par_iter().flat_map_iter(each).collect()
+}
+
+/// Lower sparsity of all pairs of unknowns of neighbouring nodes.
+fn pattern_of(graph: &Graph, unknowns: &[[u32; 4]], count: usize) -> Pattern {
+    let mut columns: Vec<Vec<usize>> = vec![Vec::new(); count];
+    for node in 0..graph.len() {
+        let near = graph.row(node).iter().map(|&n| n as usize).chain([node]);
+        let mut rows: Vec<u32> = near.flat_map(|n| unknowns[n]).filter(|&u| u != NONE).collect();
+        rows.sort_unstable();
+        for &column in unknowns[node].iter().filter(|&&u| u != NONE) {
+            let from = rows.partition_point(|&row| row < column);
+            columns[column as usize] = rows[from..].iter().map(|&row| row as usize).collect();
+        }
+    }
+    let mut starts = vec![0];
+    let mut rows = Vec::new();
+    for column in columns {
+        rows.extend(column);
+        starts.push(rows.len());
+    }
+    Pattern { starts, rows }
+}

@@ -1,0 +1,288 @@
+//! Equilibrium under the full load, from any admissible start.
+//!
+//! One load step is the normal case. When it fails, the load is applied in parts: a failed part
+//! is halved, and parts grow again after success. Each part ends with the multipliers of all
+//! contacts adjusted until gaps and penetrations are below tolerance, so that no result depends
+//! on a penalty.
+
+use crate::assemble::{AssemblyError, EnergyError, State};
+use crate::materials::MaterialError;
+use crate::model::Model;
+use crate::newton::{Newton, NewtonError, NewtonOptions};
+use crate::terms::Load;
+use mammotwin_data::{
+    Vec3,
+    progress::Progress,
+    solution::{Checks, Solution},
+};
+
+/// How an equilibrium is sought.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Of each minimisation.
+    pub newton: NewtonOptions,
+    /// Largest gap or penetration of a contact (mm).
+    pub contact_mm: f64,
+    /// Smallest part of the load that is tried.
+    pub smallest_step: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { newton: NewtonOptions::default(), contact_mm: 0.05, smallest_step: 1.0 / 256.0 }
+    }
+}
+
+/// Why there is no equilibrium.
+#[derive(Debug, thiserror::Error)]
+pub enum SolveError {
+    /// The model cannot be solved at all.
+    #[error(transparent)]
+    Assembly(#[from] AssemblyError),
+    /// Wrong number of start positions, or one that is no number.
+    #[error("{got} start positions for {wanted} nodes, or one that is not finite")]
+    Start {
+        /// Number of nodes.
+        wanted: usize,
+        /// Number of start positions.
+        got: usize,
+    },
+    /// The load could not be carried.
+    #[error(
+        "no equilibrium beyond {:.1} % of the load: {why} in {term}, element {element}, at \
+         ({:.1}, {:.1}, {:.1}) mm; {remedy}",
+        100.0 * load_fraction, place_mm.x, place_mm.y, place_mm.z
+    )]
+    Stopped {
+        /// What happened.
+        why: String,
+        /// Term of the element.
+        term: String,
+        /// Element that could not follow.
+        element: usize,
+        /// Where it is (mm).
+        place_mm: Vec3,
+        /// Fraction of the load that was carried.
+        load_fraction: f64,
+        /// What to try.
+        remedy: &'static str,
+        /// The last state in equilibrium, if any.
+        last: Option<Box<Solution>>,
+    },
+}
+
+/// Finds the equilibrium under the full load of gravity, with the nodes first at `start` (mm);
+/// fixed nodes stay there.
+///
+/// # Errors
+/// An incomplete model, or a load that it cannot carry; the error says where it gave way and
+/// keeps the last good state.
+pub fn solve(
+    model: &Model,
+    start: &[Vec3],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Solution, SolveError> {
+    let mut newton = prepare(model, start)?;
+    let mut state = State::new(model, start.to_vec(), Load { gravity: 0.0, ..Load::GRAVITY });
+    let mut counts = Checks::default();
+    walk(&mut newton, model, &mut state, Load::GRAVITY, options, &mut counts, progress)?;
+    finish(&newton, model, &state, counts)
+}
+
+/// Analyses a model whose nodes start at `start`.
+pub(crate) fn prepare(model: &Model, start: &[Vec3]) -> Result<Newton, SolveError> {
+    let finite = start.iter().flatten().all(|x| x.is_finite());
+    if start.len() != model.rest.len() || !finite {
+        return Err(SolveError::Start { wanted: model.rest.len(), got: start.len() });
+    }
+    Ok(Newton::new(model)?)
+}
+
+/// Between two loads.
+fn between(from: Load, to: Load, part: f64) -> Load {
+    let mix = |a: f64, b: f64| if part >= 1.0 { b } else { a + part * (b - a) };
+    Load {
+        gravity: mix(from.gravity, to.gravity),
+        receptor_mm: mix(from.receptor_mm, to.receptor_mm),
+        thickness_mm: mix(from.thickness_mm, to.thickness_mm),
+    }
+}
+
+/// Follows the equilibrium from the state's load to `target`.
+pub(crate) fn walk(
+    newton: &mut Newton,
+    model: &Model,
+    state: &mut State,
+    target: Load,
+    options: &Options,
+    counts: &mut Checks,
+    progress: &dyn Progress,
+) -> Result<(), SolveError> {
+    let (first, mut done, mut part) = (state.load, 0.0, 1.0);
+    let mut last: Option<State> = None;
+    loop {
+        let to = f64::min(1.0, done + part);
+        let to = if to > 1.0 - 1e-9 { 1.0 } else { to };
+        let mut trial = state.clone();
+        trial.load = between(first, target, to);
+        counts.steps += 1;
+        match balance(newton, model, &mut trial, options, counts) {
+            Ok(()) => {
+                for (index, term) in model.terms().iter().enumerate() {
+                    term.accept(&trial.points, trial.load, &mut trial.memory[index]);
+                }
+                *state = trial.clone();
+                last = Some(trial);
+                done = to;
+                progress.report(done, &format!("{:.0} % of the load", 100.0 * done));
+                if done >= 1.0 {
+                    return Ok(());
+                }
+                part *= 2.0;
+            }
+            Err(error) => {
+                tracing::debug!(?error, done, part, "load step failed");
+                part *= 0.5;
+                if part < options.smallest_step {
+                    let good = last.map(|good| finish(newton, model, &good, *counts));
+                    let good = good.and_then(Result::ok).map(Box::new);
+                    return Err(stopped(model, &trial, error, done, good));
+                }
+            }
+        }
+    }
+}
+
+/// Most rounds of multipliers at one load.
+const ROUNDS: usize = 20;
+
+/// Minimum of the energy at the state's load, with all contacts tight.
+fn balance(
+    newton: &mut Newton,
+    model: &Model,
+    state: &mut State,
+    options: &Options,
+    counts: &mut Checks,
+) -> Result<(), Failure> {
+    for _ in 0..ROUNDS {
+        let found = newton.minimise(model, state, &options.newton);
+        counts.iterations += *found.as_ref().unwrap_or(&options.newton.max_iterations);
+        found.map_err(Failure::Newton)?;
+        let contact = state.contact(model);
+        if contact.gap_mm.max(contact.penetration_mm) <= options.contact_mm {
+            return Ok(());
+        }
+        state.update_multipliers(model);
+    }
+    Err(Failure::Contact)
+}
+
+#[derive(Debug)]
+enum Failure {
+    Newton(NewtonError),
+    Contact,
+}
+
+fn stopped(
+    model: &Model,
+    state: &State,
+    failure: Failure,
+    load_fraction: f64,
+    last: Option<Box<Solution>>,
+) -> SolveError {
+    let refused = |error: EnergyError| match error {
+        EnergyError::Refused(at) => Some(at),
+        _ => None,
+    };
+    let (node, refusal) = match failure {
+        Failure::Newton(NewtonError::Start(error)) => (0, refused(error)),
+        Failure::Newton(NewtonError::Stuck { node, ran_into }) => {
+            (node, ran_into.and_then(refused))
+        }
+        Failure::Newton(NewtonError::Slow { node }) => (node, None),
+        Failure::Contact => (0, None),
+    };
+    let touches = |node: usize| {
+        let find = |term: usize| {
+            let model_term = &model.terms()[term];
+            let has = |e: &usize| model_term.nodes(*e).contains(&(node as u32));
+            (0..model_term.elements()).find(has).map(|element| (term, element))
+        };
+        (0..model.terms().len()).find_map(find).unwrap_or((0, 0))
+    };
+    let (term, element) = refusal.map_or_else(|| touches(node), |at| (at.term, at.refusal.element));
+    let (why, remedy) = match (&failure, refusal.map(|at| at.refusal.cause)) {
+        (Failure::Contact, _) => (
+            "a contact stays open or penetrated".to_owned(),
+            "check that the contact surfaces reach as far as the body",
+        ),
+        (_, Some(cause @ MaterialError::Locked { .. })) => {
+            (cause.to_string(), "raise Jm of the law, or load less")
+        }
+        (_, Some(cause)) => {
+            (cause.to_string(), "improve the mesh there, stiffen the tissue, or load less")
+        }
+        (_, None) => (
+            "the search for a minimum stalled".to_owned(),
+            "hold the body better, stiffen the tissue, or load less",
+        ),
+    };
+    let nodes = model.terms().get(term).map_or(&[][..], |t| t.nodes(element));
+    let place_mm =
+        nodes.iter().map(|&n| state.points[n as usize]).sum::<Vec3>() / nodes.len().max(1) as f64;
+    let term = model.terms().get(term).map_or_else(String::new, |t| t.name().to_owned());
+    SolveError::Stopped { why, term, element, place_mm, load_fraction, remedy, last }
+}
+
+/// The solution of a state, with everything checked anew.
+pub(crate) fn finish(
+    newton: &Newton,
+    model: &Model,
+    state: &State,
+    counts: Checks,
+) -> Result<Solution, SolveError> {
+    let gradients = newton.assembly.term_gradients(model, state).map_err(|refusal| {
+        let error = Failure::Newton(NewtonError::Start(refusal.into()));
+        stopped(model, state, error, 0.0, None)
+    })?;
+    let mut solution = state.report(model);
+    let mut scale: f64 = 0.0;
+    let mut total = vec![Vec3::zeros(); model.rest.len()];
+    for (term, gradient) in model.terms().iter().zip(&gradients) {
+        let force = -gradient.iter().sum::<Vec3>();
+        scale = scale.max(gradient.iter().map(|g| g.norm()).sum());
+        total.iter_mut().zip(gradient).for_each(|(sum, g)| *sum += g);
+        solution.forces.insert(term.name().to_owned(), force);
+    }
+    let mut unbalanced: f64 = 0.0;
+    let mut reaction = Vec3::zeros();
+    for (node, force) in total.iter().enumerate() {
+        let free = [0, 1, 2].map(|axis| newton.assembly.is_free(node, axis));
+        let part = |wanted: bool| {
+            let pick = |axis: usize| if free[axis] == wanted { force[axis] } else { 0.0 };
+            Vec3::new(pick(0), pick(1), pick(2))
+        };
+        unbalanced = unbalanced.max(part(true).norm());
+        reaction += part(false);
+    }
+    if reaction != Vec3::zeros() {
+        solution.forces.insert("fixed".to_owned(), reaction);
+    }
+    let sum: Vec3 = solution.forces.values().sum();
+    let largest = solution.forces.values().map(|f| f.norm()).fold(f64::MIN_POSITIVE, f64::max);
+    let contact = state.contact(model);
+    solution.checks = Checks {
+        residual: unbalanced / scale.max(f64::MIN_POSITIVE),
+        min_det_f: solution
+            .deformation_gradient
+            .iter()
+            .map(|f| f.determinant())
+            .fold(f64::INFINITY, f64::min),
+        max_penetration_mm: contact.penetration_mm,
+        max_gap_mm: contact.gap_mm,
+        force_imbalance: sum.norm() / largest,
+        ..counts
+    };
+    Ok(solution)
+}
