@@ -1,0 +1,3 @@
+//! Magnetic resonance images.
+
+pub mod register;

@@ -1,0 +1,163 @@
+//! Rigid registration of two images over a mask.
+
+use super::{
+    Options, RegisterError, Registration, Search, Uncertainty, mask,
+    optimise::{Optimum, Problem},
+    pyramid::level,
+    samples::{Block, blocks},
+};
+use mammotwin_data::{
+    Vec3,
+    progress::Progress,
+    rigid::RigidTransform,
+    volume::{Grid, Volume},
+};
+use nalgebra::Matrix6;
+
+/// Spacing of the wide search (mm).
+const SEARCH_MM: f64 = 10.0;
+/// Least part of the mask that must lie in the moving image.
+const LEAST_OVERLAP: f64 = 0.3;
+
+/// Moves `moving` onto `reference` where `reference_mask` is set; `start` goes from the moving
+/// image to the reference.
+///
+/// Mean local correlation is climbed by Levenberg-Marquardt on coarse to fine averages of the
+/// images. Gives the same bits for any number of threads.
+///
+/// # Errors
+/// When the mask does not belong to the reference, shows no structure, or lies for the most part
+/// outside of the moving image.
+pub fn register(
+    reference: &Volume<f32>,
+    reference_mask: &Volume<bool>,
+    moving: &Volume<f32>,
+    start: &RigidTransform,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Registration, RegisterError> {
+    if !same_place(&reference_mask.grid, &reference.grid) {
+        return Err(RegisterError::MaskGrid {
+            mask: reference_mask.grid.shape,
+            image: reference.grid.shape,
+        });
+    }
+    let center = mask::center(reference_mask).ok_or(RegisterError::NoStructure)?;
+    let compare = |spacing_mm: f64| {
+        Level::new(reference, reference_mask, moving, center, spacing_mm, options)
+    };
+    let mut motion = start.inverse();
+    let mut iterations = 0;
+    if options.search == Search::Wide {
+        progress.report(0.0, "searching the position");
+        let best = wide_search(&compare(SEARCH_MM)?.problem(), &motion);
+        iterations += best.iterations;
+        motion = best.motion;
+    }
+    let mut fine = None;
+    for (n, &spacing_mm) in options.levels_mm.iter().enumerate() {
+        let done = (n + 1) as f64 / (options.levels_mm.len() + 1) as f64;
+        progress.report(done, &format!("registering at {spacing_mm} mm"));
+        let level = compare(spacing_mm)?;
+        let best = level.problem().climb(&motion, options.iterations);
+        iterations += best.iterations;
+        motion = best.motion;
+        fine = Some((level, best));
+    }
+    let Some((level, best)) = fine else {
+        let remedy = "give at least one level";
+        return Err(RegisterError::Level { spacing_mm: f64::NAN, remedy });
+    };
+    if !(best.evaluation.overlap >= LEAST_OVERLAP) {
+        return Err(RegisterError::NoOverlap { percent: 100.0 * best.evaluation.overlap });
+    }
+    Ok(Registration {
+        transform: motion.inverse(),
+        landmark_rms_mm: None,
+        similarity_before: level.problem().at(&start.inverse()).similarity,
+        similarity_after: best.evaluation.similarity,
+        overlap: best.evaluation.overlap,
+        iterations,
+        center,
+        uncertainty: uncertainty(&best).ok_or(RegisterError::NoStructure)?,
+    })
+}
+
+/// Equal up to the rounding of a file in single precision.
+fn same_place(a: &Grid, b: &Grid) -> bool {
+    let far = (a.axes - b.axes).amax().max((a.origin - b.origin).amax());
+    a.shape == b.shape && far < 1e-3
+}
+
+/// What is compared on a level, owned.
+struct Level {
+    blocks: Vec<Block>,
+    moving: Volume<f32>,
+    center: Vec3,
+    spacing_mm: f64,
+}
+
+impl Level {
+    fn new(
+        reference: &Volume<f32>,
+        mask: &Volume<bool>,
+        moving: &Volume<f32>,
+        center: Vec3,
+        spacing_mm: f64,
+        options: &Options,
+    ) -> Result<Self, RegisterError> {
+        let refuse = |remedy| Err(RegisterError::Level { spacing_mm, remedy });
+        if !(spacing_mm > 0.0 && options.block_mm > 0.0) {
+            return refuse("levels_mm and block_mm must be positive");
+        }
+        let block_mm = options.block_mm.max(8.0 * spacing_mm);
+        let blocks = blocks(&level(reference, spacing_mm), mask, block_mm, options.points)?;
+        let moving = level(moving, spacing_mm);
+        if moving.grid.shape.iter().any(|&n| n < 2) {
+            return refuse("the moving image is too thin: give a whole scan");
+        }
+        Ok(Self { blocks, moving, center, spacing_mm })
+    }
+
+    fn problem(&self) -> Problem<'_> {
+        let Self { blocks, moving, center, spacing_mm } = self;
+        Problem { blocks, moving, center: *center, spacing_mm: *spacing_mm }
+    }
+}
+
+/// Climbs from turns about z and shifts along the body, on a coarse level; the best end wins.
+fn wide_search(problem: &Problem, start: &RigidTransform) -> Optimum {
+    let pivot = start.point(&problem.center);
+    let mut best = problem.climb(start, 12);
+    let mut iterations = best.iterations;
+    for degrees in (-60..=60).step_by(15) {
+        for shift_mm in [-25.0, 0.0, 25.0] {
+            let turn = Vec3::new(0.0, 0.0, f64::from(degrees).to_radians());
+            let shift = Vec3::new(0.0, 0.0, shift_mm);
+            let from = start.then(&RigidTransform::about(&pivot, &turn, &shift));
+            let end = problem.climb(&from, 12);
+            iterations += end.iterations;
+            if end.evaluation.similarity > best.evaluation.similarity {
+                best = end;
+            }
+        }
+    }
+    Optimum { iterations, ..best }
+}
+
+/// Sandwich estimator H⁻¹ (Σ g gᵀ) H⁻¹ (Huber 1967), turned to the axes of the reference.
+fn uncertainty(best: &Optimum) -> Option<Uncertainty> {
+    let inverse = best.evaluation.curvature.cholesky()?.inverse();
+    let covariance = inverse * best.evaluation.spread * inverse;
+    // A turn and shift after the motion is the turned turn and shift before it.
+    let back = best.motion.rotation.transpose();
+    let mut turn = Matrix6::zeros();
+    turn.fixed_view_mut::<3, 3>(0, 0).copy_from(&back);
+    turn.fixed_view_mut::<3, 3>(3, 3).copy_from(&back);
+    let variance = (turn * covariance * turn.transpose()).diagonal();
+    let deviation = |n: usize| variance[n].max(0.0).sqrt();
+    Some(Uncertainty {
+        rotation_rad: [0, 1, 2].map(deviation),
+        translation_mm: [3, 4, 5].map(deviation),
+    })
+}
