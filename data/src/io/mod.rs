@@ -3,3 +3,4 @@
 pub mod hdf5;
 pub mod landmarks;
 pub mod nifti;
+pub mod picture;
