@@ -19,6 +19,8 @@
 
 mod artifacts;
 mod drive;
+mod explain;
+mod gc;
 mod hashes;
 mod inputs;
 mod key;
@@ -29,9 +31,12 @@ mod publish;
 mod record;
 mod run;
 mod stored;
+mod verify;
 mod visible;
 
 pub use drive::{Drive, Pass, execute, plan};
+pub use explain::{Change, Explanation, explain};
+pub use gc::{Rubbish, collect, rubbish};
 pub use inputs::{Inputs, Source};
 pub use key::Key;
 pub use lock::Wait;
@@ -40,6 +45,7 @@ pub use place::Store;
 pub use record::Record;
 pub use run::{Entry, Event, Listener, Run, State};
 pub use stored::Stored;
+pub use verify::{Damage, verify};
 
 use crate::{Failure, progress::Progress};
 use serde::Serialize;

@@ -3,9 +3,11 @@
 //! Unknown keys are refused by serde; [`validate`] refuses implausible values. Paths are relative
 //! to the folder of the study file.
 
+mod locate;
 mod validate;
+mod wording;
 
-pub use validate::{StudyError, parse};
+pub use validate::{CALIBRATED, EFFECTS, LIGAMENTS, StudyError, parse};
 
 use crate::{Vec3, labels::Side};
 use serde::{Deserialize, Serialize};
@@ -164,8 +166,8 @@ impl Default for ModelPlan {
         Self {
             reference_pose: None,
             breast: BreastPlan::default(),
-            skin: LayerPlan { young_kpa: 10.0, thickness_mm: 2.0, ..LayerPlan::default() },
-            fascia: LayerPlan { young_kpa: 160.0, thickness_mm: 0.1, ..LayerPlan::default() },
+            skin: LayerPlan::neo_hookean(10.0, 2.0),
+            fascia: LayerPlan::neo_hookean(160.0, 0.1),
             muscle: MusclePlan::default(),
             ligaments: LigamentPlan::default(),
             interface: InterfacePlan::default(),
@@ -200,9 +202,10 @@ impl Default for BreastPlan {
 
 /// A membrane that shares nodes with the breast.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields)]
 pub struct LayerPlan {
     /// Constitutive law.
+    #[serde(default)]
     pub law: LawName,
     /// Young's modulus (kPa).
     pub young_kpa: f64,
@@ -212,9 +215,10 @@ pub struct LayerPlan {
     pub jm: Option<f64>,
 }
 
-impl Default for LayerPlan {
-    fn default() -> Self {
-        Self { law: LawName::NeoHookean, young_kpa: 10.0, thickness_mm: 1.0, jm: None }
+impl LayerPlan {
+    /// A neo-Hookean layer.
+    pub fn neo_hookean(young_kpa: f64, thickness_mm: f64) -> Self {
+        Self { law: LawName::NeoHookean, young_kpa, thickness_mm, jm: None }
     }
 }
 

@@ -1,13 +1,242 @@
 //! Reads a study and refuses what cannot be meant.
 
-use super::Study;
+use super::{
+    CompressPlan, LawName, LayerPlan, MammogramPlan, ModelPlan, Pose, Stop, Study, Use,
+    locate::Places, wording,
+};
+
+/// Ligaments that the model knows.
+pub const LIGAMENTS: [&str; 4] = ["inframammary", "deep_medial", "cranial", "lateral"];
+/// Effects that `model.effects` may name.
+pub const EFFECTS: [&str; 0] = [];
+/// Study keys that `calibrate.parameters` may name.
+pub const CALIBRATED: [&str; 1] = ["breast.young_kpa"];
 
 /// Why a study is refused; the text names the key and says how to mend it.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct StudyError(pub String);
 
+impl StudyError {
+    /// `line 12: model.skin.young_kpa: WHY`.
+    pub(super) fn new(path: &str, line: Option<usize>, why: &str) -> Self {
+        let line = line.map(|line| format!("line {line}: ")).unwrap_or_default();
+        let path = if path.is_empty() { String::new() } else { format!("{path}: ") };
+        Self(format!("{line}{path}{why}"))
+    }
+}
+
 /// Parses the text of a study file.
+///
+/// Image paths may point anywhere that can be read; names become parts of file names and may not.
 pub fn parse(text: &str) -> Result<Study, StudyError> {
-    toml::from_str(text).map_err(|error| StudyError(error.to_string()))
+    let study: Study = toml::from_str(text).map_err(|error| wording::refused(&error, text))?;
+    check(&study).map_err(|Refusal { path, why }| {
+        StudyError::new(&path, Places::of(text).line_of(&path), &why)
+    })?;
+    Ok(study)
+}
+
+struct Refusal {
+    path: String,
+    why: String,
+}
+
+type Checked = Result<(), Refusal>;
+
+fn refuse(path: impl Into<String>, why: impl Into<String>) -> Checked {
+    Err(Refusal { path: path.into(), why: why.into() })
+}
+
+fn check(study: &Study) -> Checked {
+    if study.schema != 1 {
+        return refuse("schema", format!("{} is not known; this program reads 1", study.schema));
+    }
+    plain_name("subject.id", &study.subject.id)?;
+    poses(study)?;
+    for (side, record) in &study.records {
+        let path = format!("records.{}", side.name());
+        within(&format!("{path}.force_n"), record.force_n, 0.1, 500.0)?;
+        within(&format!("{path}.thickness_mm"), record.thickness_mm, 5.0, 200.0)?;
+    }
+    model(&study.model)?;
+    within("mesh.size_mm", study.mesh.size_mm, 0.5, 50.0)?;
+    known("calibrate.parameters", &study.calibrate.parameters, &CALIBRATED)?;
+    if !study.calibrate.parameters.is_empty() {
+        let fitted = study.poses.values().filter(|pose| pose.usage == Use::Fit).count();
+        if fitted < 2 {
+            let why = "needs two poses with use = \"fit\"; add a pose or empty the list";
+            return refuse("calibrate.parameters", why);
+        }
+    }
+    study.compress.as_ref().map_or(Ok(()), compress)?;
+    study.mammogram.as_ref().map_or(Ok(()), mammogram)?;
+    if study.mammogram.is_some() && study.compress.is_none() {
+        return refuse("mammogram", "needs a compressed breast; add a table [compress]");
+    }
+    Ok(())
+}
+
+fn poses(study: &Study) -> Checked {
+    if study.poses.is_empty() {
+        return refuse("poses", "no pose; add a table such as [poses.prone] with an image");
+    }
+    for (name, pose) in &study.poses {
+        let path = format!("poses.{name}");
+        plain_name(&path, name)?;
+        one_pose(&path, pose)?;
+    }
+    let Some(reference) = &study.model.reference_pose else {
+        if study.poses.len() > 1 && !study.poses.contains_key("supine") {
+            let why = "missing, and no pose is called supine; name the pose to make the mesh of";
+            return refuse("model.reference_pose", why);
+        }
+        return Ok(());
+    };
+    match study.poses.get(reference) {
+        Some(pose) if pose.usage == Use::Validate => {
+            refuse("model.reference_pose", format!("poses.{reference} has use = \"validate\""))
+        }
+        Some(_) => Ok(()),
+        None => {
+            let names: Vec<_> = study.poses.keys().map(String::as_str).collect();
+            let why = format!("no pose {reference:?}; there are: {}", names.join(", "));
+            refuse("model.reference_pose", why)
+        }
+    }
+}
+
+fn one_pose(path: &str, pose: &Pose) -> Checked {
+    let files = [("image", Some(&pose.image)), ("landmarks", pose.landmarks.as_ref())];
+    for (key, file) in files.into_iter().chain([("labels", pose.labels.as_ref())]) {
+        let text = file.map(|file| file.as_os_str().as_encoded_bytes());
+        if text.is_some_and(|text| text.is_empty() || text.contains(&0)) {
+            return refuse(format!("{path}.{key}"), "not the name of a file");
+        }
+    }
+    if let Some(direction) = pose.gravity_in_image {
+        let path = format!("{path}.gravity_in_image");
+        if !direction.iter().all(|x| x.is_finite()) {
+            return refuse(path, "must be three finite numbers");
+        }
+        if pose.gravity().is_none() {
+            return refuse(path, "has no length; give the direction in which things fall");
+        }
+    }
+    if pose.gravity().is_none() {
+        let why = "gravity is not given; add posture = \"supine\", \"prone\" or \"upright\", \
+                   or gravity_in_image = [x, y, z]";
+        return refuse(path, why);
+    }
+    Ok(())
+}
+
+fn model(model: &ModelPlan) -> Checked {
+    let breast = &model.breast;
+    modulus("model.breast.young_right_kpa", breast.young_right_kpa)?;
+    modulus("model.breast.young_left_kpa", breast.young_left_kpa)?;
+    poisson("model.breast.poisson", breast.poisson)?;
+    law("model.breast", breast.law, breast.jm)?;
+    layer("model.skin", &model.skin)?;
+    layer("model.fascia", &model.fascia)?;
+    modulus("model.muscle.young_kpa", model.muscle.young_kpa)?;
+    if !model.muscle.rigid {
+        return refuse("model.muscle.rigid", "a deformable muscle is not modelled; set it to true");
+    }
+    modulus("model.ligaments.young_kpa", model.ligaments.young_kpa)?;
+    known("model.ligaments.names", &model.ligaments.names, &LIGAMENTS)?;
+    within("model.interface.friction", model.interface.friction, 0.0, 2.0)?;
+    within("model.density_g_per_cm3", model.density_g_per_cm3, 0.1, 5.0)?;
+    known("model.effects", &model.effects, &EFFECTS)
+}
+
+fn layer(path: &str, layer: &LayerPlan) -> Checked {
+    modulus(&format!("{path}.young_kpa"), layer.young_kpa)?;
+    within(&format!("{path}.thickness_mm"), layer.thickness_mm, 0.001, 20.0)?;
+    law(path, layer.law, layer.jm)
+}
+
+fn compress(plan: &CompressPlan) -> Checked {
+    within("compress.chest_wall_distance_mm", plan.chest_wall_distance_mm, 0.0, 200.0)?;
+    match plan.stop {
+        Stop::ThicknessMm(mm) => within("compress.stop.thickness_mm", mm, 5.0, 200.0)?,
+        Stop::ForceN(n) => within("compress.stop.force_n", n, 0.1, 500.0)?,
+    }
+    poisson("compress.law.poisson", plan.law.poisson)?;
+    law("compress.law", plan.law.name, plan.law.jm)
+}
+
+fn mammogram(plan: &MammogramPlan) -> Checked {
+    within("mammogram.energy_kev", plan.energy_kev, 5.0, 150.0)?;
+    within("mammogram.pixel_mm", plan.pixel_mm, 0.01, 5.0)?;
+    within("mammogram.glandularity", plan.glandularity, 0.0, 1.0)?;
+    let matrix = &plan.calcifications;
+    for (key, count) in [("rows", matrix.rows), ("columns", matrix.columns)] {
+        within(&format!("mammogram.calcifications.{key}"), count as f64, 0.0, 100.0)?;
+    }
+    within("mammogram.calcifications.pitch_mm", matrix.pitch_mm, 0.1, 100.0)?;
+    for (n, diameter) in matrix.diameter_mm.iter().enumerate() {
+        within(&format!("mammogram.calcifications.diameter_mm[{n}]"), *diameter, 0.01, 5.0)?;
+    }
+    Ok(())
+}
+
+/// Young's modulus (kPa). Tissues have 0.1 to 1 000; a larger number is mostly one in Pa.
+fn modulus(path: &str, kpa: f64) -> Checked {
+    if kpa > 0.0 && kpa <= 10_000.0 {
+        return Ok(());
+    }
+    refuse(path, format!("{kpa} is not a modulus in kPa; write one above 0 and up to 10000"))
+}
+
+fn poisson(path: &str, ratio: f64) -> Checked {
+    if ratio > 0.0 && ratio < 0.5 {
+        return Ok(());
+    }
+    refuse(
+        path,
+        format!("{ratio} is not a Poisson ratio; write one between 0 and 0.5, both excluded"),
+    )
+}
+
+fn law(path: &str, law: LawName, jm: Option<f64>) -> Checked {
+    let key = format!("{path}.jm");
+    match (law, jm) {
+        (LawName::Gent, None) => refuse(key, "missing; the law \"gent\" needs jm, such as 2.0"),
+        (LawName::Gent, Some(jm)) => within(&key, jm, 0.01, 1e6),
+        (LawName::NeoHookean, Some(_)) => {
+            refuse(key, "the law \"neo_hookean\" has none; remove it or write \"gent\"")
+        }
+        (LawName::NeoHookean, None) => Ok(()),
+    }
+}
+
+fn within(path: &str, value: f64, low: f64, high: f64) -> Checked {
+    if value >= low && value <= high {
+        return Ok(());
+    }
+    refuse(path, format!("{value} cannot be meant; write a number from {low} to {high}"))
+}
+
+fn known(path: &str, names: &[String], known: &[&str]) -> Checked {
+    for (n, name) in names.iter().enumerate() {
+        let path = format!("{path}[{n}]");
+        if !known.contains(&name.as_str()) {
+            let list = if known.is_empty() { "none yet".into() } else { known.join(", ") };
+            return refuse(path, format!("{name:?} is not known; there are: {list}"));
+        }
+        if names[..n].contains(name) {
+            return refuse(path, format!("{name:?} stands there twice"));
+        }
+    }
+    Ok(())
+}
+
+/// A name that becomes part of a file's name.
+fn plain_name(path: &str, name: &str) -> Checked {
+    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+    if !name.is_empty() && name.len() <= 64 && name.chars().all(plain) {
+        return Ok(());
+    }
+    refuse(path, format!("{name:?} is not a name; use up to 64 letters, digits, `-` and `_`"))
 }

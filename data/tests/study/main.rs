@@ -1,0 +1,209 @@
+//! Studies that are accepted, and what is said of those that are not.
+
+use mammotwin_data::study::{Study, parse};
+use proptest::{
+    prelude::Rng,
+    test_runner::{RngAlgorithm, TestRng},
+};
+
+const GOOD: &str = r#"schema = 1
+[subject]
+id = "dv-small-7"
+[poses.supine]
+image = "supine.nii.gz"
+posture = "supine"
+landmarks = "supine_landmarks.csv"
+[poses.prone]
+image = "prone.nii.gz"
+posture = "prone"
+[poses.tilted]
+image = "tilted.nii.gz"
+gravity_in_image = [-0.744, -0.667, 0.023]
+use = "validate"
+[records.right]
+force_n = 22.0
+thickness_mm = 46.0
+[model]
+reference_pose = "supine"
+breast = { law = "neo_hookean", young_right_kpa = 0.3, young_left_kpa = 0.2, poisson = 0.49 }
+skin = { law = "neo_hookean", young_kpa = 4.0, thickness_mm = 2.0 }
+fascia = { law = "neo_hookean", young_kpa = 120.0, thickness_mm = 0.1 }
+muscle = { rigid = true }
+ligaments = { young_kpa = 500.0, names = ["inframammary", "deep_medial"] }
+interface = { kind = "no_separation", friction = 0.1 }
+effects = []
+[mesh]
+size_mm = 8.0
+[calibrate]
+parameters = ["breast.young_kpa"]
+stress_free = "fixed_point"
+[compress]
+side = "right"
+view = "cc"
+paddle = "rigid"
+chest_wall_distance_mm = 15.0
+stop = { thickness_mm = 46.0 }
+law = { name = "gent", jm = 1.0, poisson = 0.499 }
+[mammogram]
+energy_kev = 24.0
+exposure = "automatic"
+calcifications = { rows = 7, columns = 3, pitch_mm = 10.0, diameter_mm = [0.2, 0.3] }
+"#;
+
+/// The study with one thing replaced is refused with a text that has all of `says`.
+#[track_caller]
+fn refused(from: &str, to: &str, says: &[&str]) {
+    assert!(GOOD.contains(from), "{from:?} is not in the good study");
+    let text = parse(&GOOD.replacen(from, to, 1)).expect_err("accepted").to_string();
+    for part in says {
+        assert!(text.contains(part), "{text:?} does not say {part:?}");
+    }
+    assert!(!text.contains('\n'), "{text:?} has more than one line");
+}
+
+#[test]
+fn a_good_study_is_accepted_whatever_its_order_and_comments() {
+    let study = parse(GOOD).unwrap();
+    let shuffled = GOOD.replace("schema = 1\n", "# a comment\n\nschema   =  1\n");
+    let posture = "posture = \"supine\"\n";
+    let shuffled = shuffled.replacen(posture, "", 1);
+    let table = "[poses.supine]\n";
+    assert_eq!(study, parse(&shuffled.replacen(table, &format!("{table}{posture}"), 1)).unwrap());
+}
+
+#[test]
+fn a_study_written_by_the_program_reads_back() {
+    let study = parse(GOOD).unwrap();
+    let again: Study = parse(&toml::to_string(&study).unwrap()).unwrap();
+    assert_eq!(study, again);
+}
+
+#[test]
+fn wrong_units_are_named() {
+    refused(
+        "young_kpa = 4.0",
+        "young_pa = 4000.0",
+        &["line 21", "model.skin.young_pa", "convert it from pa to kpa", "`young_kpa`"],
+    );
+    refused("force_n = 22.0", "force_kg = 2.2", &["records.right.force_kg", "from kg to n"]);
+    refused("size_mm", "size", &["mesh.size:", "from no unit to mm", "`size_mm`"]);
+    refused("young_kpa = 500.0", "young_kpa = 500000.0", &["model.ligaments.young_kpa", "500000"]);
+}
+
+#[test]
+fn unknown_words_are_named() {
+    refused(
+        "posture = \"supine\"",
+        "posture = \"sitting\"",
+        &["line 6", "poses.supine.posture", "\"sitting\" is not known", "upright"],
+    );
+    refused("[mesh]", "[meshes]", &["meshes", "did you mean `mesh`?"]);
+    refused("thickness_mm = 2.0", "tickness_mm = 2.0", &["model.skin.tickness_mm", "did you mean"]);
+    refused(
+        "\"inframammary\"",
+        "\"cooper\"",
+        &["model.ligaments.names[0]", "\"cooper\"", "cranial"],
+    );
+    refused("effects = []", "effects = [\"wind\"]", &["model.effects[0]", "\"wind\""]);
+    refused(
+        "breast.young_kpa\"]",
+        "breast.poisson\"]",
+        &["calibrate.parameters[0]", "breast.young_kpa"],
+    );
+    refused(
+        "reference_pose = \"supine\"",
+        "reference_pose = \"standing\"",
+        &["line 19", "model.reference_pose", "\"standing\"", "prone, supine, tilted"],
+    );
+    refused("schema = 1", "schema = 2", &["line 1", "schema", "reads 1"]);
+}
+
+#[test]
+fn numbers_that_cannot_be_meant_are_refused() {
+    for number in ["nan", "inf", "-inf", "-1.0", "0.0"] {
+        let with = |key: &str| format!("{key} = {number}");
+        for (key, path) in [
+            ("young_right_kpa = 0.3", "model.breast.young_right_kpa"),
+            ("young_kpa = 4.0", "model.skin.young_kpa"),
+            ("thickness_mm = 0.1", "model.fascia.thickness_mm"),
+            ("size_mm = 8.0", "mesh.size_mm"),
+            ("jm = 1.0", "compress.law.jm"),
+            ("poisson = 0.499", "compress.law.poisson"),
+            ("energy_kev = 24.0", "mammogram.energy_kev"),
+            ("force_n = 22.0", "records.right.force_n"),
+        ] {
+            refused(key, &with(key.split(' ').next().unwrap()), &["line ", &format!("{path}: ")]);
+        }
+    }
+    refused("poisson = 0.49 }", "poisson = 0.5 }", &["model.breast.poisson", "between 0 and 0.5"]);
+    refused("0.2, 0.3]", "0.2, nan]", &["mammogram.calcifications.diameter_mm[1]"]);
+    refused("friction = 0.1", "friction = nan", &["model.interface.friction"]);
+    refused("-0.744,", "nan,", &["poses.tilted.gravity_in_image", "finite"]);
+    refused(
+        "[-0.744, -0.667, 0.023]",
+        "[0, 0, 0]",
+        &["poses.tilted.gravity_in_image", "no length"],
+    );
+    refused("rows = 7", "rows = -7", &["mammogram.calcifications.rows"]);
+}
+
+#[test]
+fn missing_parts_are_named() {
+    refused("posture = \"prone\"\n", "", &["poses.prone", "gravity is not given"]);
+    refused("jm = 1.0, ", "", &["compress.law.jm", "needs jm"]);
+    refused(
+        "law = \"neo_hookean\", young_kpa = 4.0",
+        "law = \"gent\", young_kpa = 4.0",
+        &["model.skin.jm"],
+    );
+    refused("image = \"prone.nii.gz\"\n", "", &["poses.prone", "`image` is missing"]);
+    refused(", thickness_mm = 0.1", "", &["model.fascia", "`thickness_mm` is missing"]);
+    refused("id = \"dv-small-7\"", "", &["subject", "`id` is missing"]);
+    refused("reference_pose = \"supine\"", "reference_pose = \"tilted\"", &["validate"]);
+    let two = "posture = \"prone\"\nuse = \"validate\"\n";
+    refused("posture = \"prone\"\n", two, &["calibrate.parameters", "two poses"]);
+}
+
+#[test]
+fn names_that_would_leave_the_output_folder_are_refused() {
+    for id in ["../x", "a/b", "", "a b", ".", "é", "a\\\\b"] {
+        refused("\"dv-small-7\"", &format!("{id:?}").replace("\\\\\\\\", "\\\\"), &["subject.id"]);
+    }
+    refused("[poses.prone]", "[poses.\"../prone\"]", &["poses.../prone", "letters, digits"]);
+}
+
+#[test]
+fn torn_toml_says_its_line() {
+    refused("id = \"dv-small-7\"", "id = \"dv-small-7", &["line 3"]);
+    refused("size_mm = 8.0", "size_mm = 8.0\nsize_mm = 9.0", &["line ", "duplicate key"]);
+    refused("size_mm = 8.0", "size_mm = \"8\"", &["line ", "mesh.size_mm"]);
+}
+
+/// Every damaged study gives a study or one line; none panics.
+#[test]
+fn three_hundred_mutations_never_panic() {
+    let mut random = TestRng::from_seed(RngAlgorithm::ChaCha, &[7; 32]);
+    let mut refused = 0;
+    for _ in 0..300 {
+        let mut bytes = GOOD.as_bytes().to_vec();
+        for _ in 0..1 + random.next_u32() % 4 {
+            let at = random.next_u32() as usize % bytes.len();
+            match random.next_u32() % 4 {
+                0 => bytes[at] ^= 1 << (random.next_u32() % 8),
+                1 => drop(bytes.drain(at..(at + 7).min(bytes.len()))),
+                2 => bytes.insert(at, b"=[]{}\".,-#\n\0n"[random.next_u32() as usize % 13]),
+                _ => {
+                    let piece = bytes[at..(at + 30).min(bytes.len())].to_vec();
+                    let to = random.next_u32() as usize % bytes.len();
+                    bytes.splice(to..to, piece);
+                }
+            }
+        }
+        if let Err(error) = parse(&String::from_utf8_lossy(&bytes)) {
+            let text = error.to_string();
+            assert!(!text.is_empty() && !text.contains('\n'), "{text:?}");
+            refused += 1;
+        }
+    }
+    assert!(refused > 200, "only {refused} of 300 refused");
+}
