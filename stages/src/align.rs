@@ -59,10 +59,9 @@ impl Stage for Align {
             let transform = RigidTransform::identity();
             return Ok(Start { transform, landmark_rms_mm: None, landmarks: pairs.len() });
         }
-        let (from, to): (Vec<_>, Vec<_>) = pairs.iter().map(|(_, from, to)| (*from, *to)).unzip();
-        let fit = landmarks::fit(&from, &to).map_err(|cause| {
-            Failure::BadInput(format!("chest-wall landmarks: {cause}"))
-        })?;
+        let pairs: Vec<_> = pairs.iter().map(|(_, from, to)| (*from, *to)).collect();
+        let fit = landmarks::fit(&pairs)
+            .map_err(|cause| Failure::BadInput(format!("chest-wall landmarks: {cause}")))?;
         Ok(Start {
             transform: fit.transform,
             landmark_rms_mm: Some(fit.rms_mm),

@@ -6,12 +6,19 @@ use mammotwin_data::{
     io::hdf5,
     labels::{LabelMap, Side, Tissue},
     mesh::{Patch, TetMesh},
-    progress::{Part, Progress},
+    progress::Progress,
     store::{Artifact, Stage},
-    volume::Volume,
+    volume::{Grid, Volume},
 };
-use mammotwin_imaging::mri::distance_field::{self, DistanceField};
-use mammotwin_solver::mesh::{self, Domain, Options, PatchDistances, Quality};
+use mammotwin_imaging::mri::distance_field::{FieldPlan, distance_field};
+use mammotwin_solver::{
+    mesh::{
+        domain::{Domain, PatchDistances},
+        quality::{Quality, quality},
+        tetrahedralize::{Meshing, tetrahedralize},
+    },
+    terms::GridDistance,
+};
 use serde::Serialize;
 use std::path::Path;
 
@@ -138,36 +145,41 @@ fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
 
 /// Skin, chest wall and the planes of the breast limits.
 struct BreastDomain {
-    skin: DistanceField,
-    wall: DistanceField,
+    skin: GridDistance,
+    wall: GridDistance,
     limits: Limits,
+    bounds: (Vec3, Vec3),
 }
 
 impl Domain for BreastDomain {
     fn distances(&self, p: &Vec3) -> PatchDistances {
         let lateral = self.limits.lateral_mm - p.y;
-        let side = if p.x > self.limits.sternum_mm {
-            Patch::LateralRight
+        let right = p.x > self.limits.sternum_mm;
+        let [near, far] = if right {
+            [Patch::LateralRight, Patch::LateralLeft]
         } else {
-            Patch::LateralLeft
+            [Patch::LateralLeft, Patch::LateralRight]
         };
-        // Both sides share one plane: the far one is kept out of reach.
-        let other = if side == Patch::LateralRight { Patch::LateralLeft } else { Patch::LateralRight };
         PatchDistances::none()
-            .with(Patch::Skin, self.skin.at(p))
-            .with(Patch::ChestWall, -self.wall.at(p))
+            .with(Patch::Skin, self.skin.distance_mm(p))
+            .with(Patch::ChestWall, -self.wall.distance_mm(p))
             .with(Patch::Superior, p.z - self.limits.superior_mm)
             .with(Patch::Inferior, self.limits.inferior_mm - p.z)
-            .with(side, lateral)
-            .with(other, lateral - (p.x - self.limits.sternum_mm).abs())
+            .with(near, lateral)
+            // Both sides share one plane: the other side's half of it is out of reach.
+            .with(far, lateral - (p.x - self.limits.sternum_mm).abs())
     }
 
     fn bounds(&self) -> (Vec3, Vec3) {
-        let (mut low, mut high) = self.skin.bounds();
-        (low.y, low.z) = (self.limits.lateral_mm, self.limits.inferior_mm);
-        high.z = self.limits.superior_mm;
-        (low, high)
+        self.bounds
     }
+}
+
+/// Corners of the box of a grid.
+fn corners(grid: &Grid) -> (Vec3, Vec3) {
+    let [i, j, k] = grid.shape.map(|n| n.saturating_sub(1) as f64);
+    let (a, b) = (grid.origin, grid.world(&Vec3::new(i, j, k)));
+    (a.inf(&b), a.sup(&b))
 }
 
 impl Stage for Mesh {
@@ -181,24 +193,32 @@ impl Stage for Mesh {
 
     fn run(&self, labels: &LabelMap, progress: &dyn Progress) -> Result<BreastMesh, Failure> {
         let limits = Limits::of(labels)?;
+        let field = |mask: Volume<bool>, spacing_mm: f64| {
+            distance_field(&mask, &FieldPlan::of_spacing(spacing_mm))
+                .map_err(|cause| Failure::BadInput(format!("labels: {cause}")))
+        };
         progress.report(0.05, "distance field of the skin");
-        let bad = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("labels: {cause}"));
-        let skin = distance_field::of_labels(labels, |t| t != Tissue::Background, SKIN_SPACING_MM)
-            .map_err(|cause| bad(&cause))?;
+        let skin = field(labels.map(|t| t != Tissue::Background), SKIN_SPACING_MM)?;
         progress.report(0.3, "distance field of the chest wall");
-        let wall = distance_field::of_labels(labels, Tissue::is_chest_wall, WALL_SPACING_MM)
-            .map_err(|cause| bad(&cause))?;
-        let domain = BreastDomain { skin, wall, limits };
+        let wall = field(labels.map(Tissue::is_chest_wall), WALL_SPACING_MM)?;
+        let (mut low, mut high) = corners(&skin.grid);
+        (low.y, low.z) = (limits.lateral_mm, limits.inferior_mm);
+        high.z = limits.superior_mm;
+        let domain = BreastDomain {
+            skin: GridDistance::new(&skin),
+            wall: GridDistance::new(&wall),
+            limits,
+            bounds: (low, high),
+        };
         let tissue = |p: &Vec3| {
             if p.x > limits.sternum_mm { Tissue::AdiposeRight } else { Tissue::AdiposeLeft }
         };
-        let options = Options { size_mm: self.size_mm, ..Options::default() };
-        let part = Part { whole: progress, from: 0.5, to: 0.95 };
-        let mesh = mesh::tetrahedralize(&domain, &tissue, &options, &part)
+        progress.report(0.5, "tetrahedra");
+        let mesh = tetrahedralize(&domain, &Meshing::of_size(self.size_mm), tissue)
             .map_err(|cause| Failure::Numerics(format!("mesh: {cause}")))?;
         let anatomy = Anatomy::of(&mesh, limits.sternum_mm)
             .map_err(|cause| Failure::BadInput(format!("labels: {cause}")))?;
-        let quality = mesh::quality(&mesh);
-        Ok(BreastMesh { mesh, wall: domain.wall.into_volume(), anatomy, quality })
+        let quality = quality(&mesh.points, &mesh.tets);
+        Ok(BreastMesh { mesh, wall, anatomy, quality })
     }
 }

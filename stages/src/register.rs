@@ -6,13 +6,13 @@ use crate::{
 };
 use mammotwin_data::{
     Failure, Vec3,
-    labels::{LabelMap, Tissue},
+    labels::LabelMap,
     progress::Progress,
     rigid::RigidTransform,
     store::{Artifact, Stage},
     volume::Volume,
 };
-use mammotwin_imaging::mri::register;
+use mammotwin_imaging::mri::register::{self, Search};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -70,16 +70,12 @@ impl Stage for Register {
         (reference, labels, moving, start): &Self::Input,
         progress: &dyn Progress,
     ) -> Result<Registered, Failure> {
-        let mask = labels.map(Tissue::is_chest_wall);
-        let found = register::register(
-            reference,
-            &mask,
-            moving,
-            start.transform,
-            &register::Options::default(),
-            progress,
-        )
-        .map_err(|cause| Failure::Numerics(format!("registration: {cause}")))?;
+        let mask = register::chest_wall_mask(labels);
+        let search = if start.landmark_rms_mm.is_some() { Search::Near } else { Search::Wide };
+        let options = register::Options { search, ..register::Options::default() };
+        let found =
+            register::register(reference, &mask, moving, start.transform, &options, progress)
+                .map_err(|cause| Failure::Numerics(format!("registration: {cause}")))?;
         let gravity = found.transform.direction(&self.gravity_in_image).normalize();
         Ok(Registered { transform: found.transform, gravity, start: *start, image: Some(found) })
     }

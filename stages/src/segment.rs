@@ -2,7 +2,7 @@
 
 use crate::align::Start;
 use mammotwin_data::{
-    Failure, Vec3,
+    Failure,
     labels::LabelMap,
     progress::Progress,
     store::Stage,
@@ -13,10 +13,7 @@ use serde::Serialize;
 
 /// Labels one image without help.
 #[derive(Debug, Clone, Serialize)]
-pub struct Segment {
-    /// Unit vector of gravity in the pose's image.
-    pub gravity_in_image: Vec3,
-}
+pub struct Segment;
 
 impl Stage for Segment {
     const NAME: &'static str = "segment";
@@ -36,7 +33,7 @@ impl Stage for Segment {
         if let Some(start) = start {
             options.body_frame = start.transform;
         }
-        let found = segment::segment(image, &self.gravity_in_image, &options, progress)
+        let found = segment::segment(image, &options, progress)
             .map_err(|cause| Failure::BadInput(format!("segmentation: {cause}")))?;
         Ok(found.labels)
     }

@@ -8,7 +8,10 @@ use mammotwin_data::{
     store::{Artifact, Stage},
     surface::TriMesh,
 };
-use mammotwin_imaging::mri::{distance_field, surface};
+use mammotwin_imaging::mri::{
+    distance_field::{FieldPlan, distance_field},
+    surface,
+};
 use serde::Serialize;
 use std::path::Path;
 
@@ -17,6 +20,12 @@ use std::path::Path;
 pub struct Surface {
     /// Spacing (mm) of the surface's vertices.
     pub spacing_mm: f64,
+}
+
+impl Default for Surface {
+    fn default() -> Self {
+        Self { spacing_mm: 1.5 }
+    }
 }
 
 /// The surfaces of one pose, in the frame of its image.
@@ -53,10 +62,11 @@ impl Stage for Surface {
     type Output = PoseSurfaces;
 
     fn run(&self, labels: &LabelMap, progress: &dyn Progress) -> Result<PoseSurfaces, Failure> {
-        let extract = |inside: &(dyn Fn(Tissue) -> bool + Sync)| {
-            let field = distance_field::of_labels(labels, inside, self.spacing_mm)
+        let extract = |inside: &dyn Fn(Tissue) -> bool| {
+            let plan = FieldPlan::of_spacing(self.spacing_mm);
+            let field = distance_field(&labels.map(inside), &plan)
                 .map_err(|cause| Failure::BadInput(format!("labels: {cause}")))?;
-            Ok::<_, Failure>(surface::extract(&field))
+            Ok::<_, Failure>(surface::surface(&field))
         };
         progress.report(0.0, "skin");
         let skin = extract(&|t| t != Tissue::Background)?;
