@@ -1,0 +1,159 @@
+//! `results.h5` as a stage.
+
+use crate::{
+    calibrate::Calibration,
+    compress::Compression,
+    mammogram::Mammograms,
+    mesh::BreastMesh,
+    quality::Metrics,
+    results::{self, Provenance, Results, State},
+    validate::Validation,
+};
+use mammotwin_data::{
+    Failure,
+    io::hdf5::{Column, Curve, Field},
+    mesh::TetMesh,
+    metric::Metric,
+    progress::Progress,
+    radiograph::Radiograph,
+    store::{Artifact, Stage},
+    study::Study,
+};
+use serde::Serialize;
+use std::{fs, path::Path};
+
+/// Writes what was found into one file for other programs.
+#[derive(Debug, Clone, Serialize)]
+pub struct Deliver {
+    /// The study, without the paths of its files.
+    pub study: Study,
+    /// Version and stages that made the results.
+    pub provenance: Provenance,
+}
+
+/// The bytes of `results.h5`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ResultsFile(pub Vec<u8>);
+
+impl Artifact for ResultsFile {
+    const EXTENSION: &'static str = "h5";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        fs::write(path, &self.0).map_err(|cause| Failure::io(path, cause))
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        fs::read(path).map(Self).map_err(|cause| Failure::io(path, cause))
+    }
+}
+
+impl Stage for Deliver {
+    const NAME: &'static str = "results";
+    const VERSION: u32 = 1;
+    const METHODS: &'static str = "";
+    type Input = (
+        BreastMesh,
+        Calibration,
+        Vec<Validation>,
+        Option<Compression>,
+        Option<Mammograms>,
+        Vec<Metrics>,
+    );
+    type Output = ResultsFile;
+
+    fn run(
+        &self,
+        (mesh, calibration, validations, compression, mammograms, metrics): &Self::Input,
+        _: &dyn Progress,
+    ) -> Result<ResultsFile, Failure> {
+        let rest = TetMesh { points: calibration.after.rest.clone(), ..mesh.mesh.clone() };
+        let mut named = Vec::new();
+        for fit in &calibration.after.poses {
+            named.push((fit, format!("{}, simulated", fit.pose)));
+        }
+        for validation in validations {
+            let fit = &validation.after;
+            named.push((fit, format!("{}, simulated, held out", fit.pose)));
+        }
+        let mut states = Vec::new();
+        for (fit, long_name) in &named {
+            let solution = &fit.solution;
+            states.push(State { name: &fit.pose, long_name, rest: &rest, solution, point_fields: &[] });
+        }
+        let pressure = compression.as_ref().map(|c| {
+            let long_name = "Contact pressure of paddle and receptor";
+            [Field::scalar("contact_pressure_kpa", "kPa", long_name, c.contact_pressure_kpa.clone())]
+        });
+        let mut curves = Vec::new();
+        if let Some(c) = compression {
+            let point_fields = pressure.as_ref().map_or(&[][..], |fields| &fields[..]);
+            let long_name = "Compressed between paddle and receptor";
+            let (rest, solution) = (&c.mesh, &c.solution);
+            states.push(State { name: "compressed", long_name, rest, solution, point_fields });
+            curves.push(force_thickness(c));
+        }
+        curves.push(search(calibration));
+        let mut radiographs: Vec<(String, &Radiograph)> = Vec::new();
+        if let Some(made) = mammograms {
+            for (technique, picture) in made.techniques.iter().zip(&made.pictures) {
+                let um = (1000.0 * technique.diameter_mm).round();
+                radiographs.push((format!("calcifications_{um}um"), picture));
+            }
+        }
+        let metrics: Vec<Metric> = metrics.iter().flat_map(|m| m.metrics.clone()).collect();
+        let results = Results {
+            study: &self.study,
+            states: &states,
+            curves: &curves,
+            radiographs: &radiographs,
+            metrics: &metrics,
+            provenance: &self.provenance,
+        };
+        // The library writes files only; the store keeps the bytes.
+        let folder = tempfile::tempdir().map_err(|cause| Failure::io("temporary folder", cause))?;
+        let path = folder.path().join("results.h5");
+        results::write(&path, &results)?;
+        ResultsFile::load(&path)
+    }
+}
+
+fn force_thickness(compression: &Compression) -> Curve {
+    let curve = &compression.curve;
+    let column = |name: &str, units: &str, long: &str, values: &[f64]| {
+        Column::new(name, units, long, values.to_vec())
+    };
+    Curve {
+        name: "force_thickness".into(),
+        long_name: "Course of the compression".into(),
+        along: column("thickness_mm", "mm", "Distance of the plates", &curve.thickness_mm),
+        columns: vec![
+            column("force_n", "N", "Force of the paddle", &curve.force_n),
+            column("receptor_force_n", "N", "Force of the receptor", &curve.receptor_force_n),
+            column("contact_area_mm2", "mm2", "Contact area", &curve.contact_area_mm2),
+            column("mean_pressure_kpa", "kPa", "Mean contact pressure", &curve.mean_pressure_kpa),
+            column("peak_pressure_kpa", "kPa", "Largest contact pressure", &curve.peak_pressure_kpa),
+        ],
+    }
+}
+
+fn search(calibration: &Calibration) -> Curve {
+    let trials = &calibration.trials;
+    let column = |name: &str, units: &str, long: &str, of: fn(&crate::calibrate::Trial) -> f64| {
+        Column::new(name, units, long, trials.iter().map(of).collect())
+    };
+    let number = (0..trials.len()).map(|n| n as f64).collect();
+    Curve {
+        name: "calibration".into(),
+        long_name: "Evaluations of the search for the moduli".into(),
+        along: Column::new("trial", "1", "Number of the evaluation", number),
+        columns: vec![
+            column("young_right_kpa", "kPa", "Right breast", |t| t.moduli.right_kpa),
+            column("young_left_kpa", "kPa", "Left breast", |t| t.moduli.left_kpa),
+            column("residual_right_mm", "mm", "Right residual", |t| t.residual_right_mm),
+            column("residual_left_mm", "mm", "Left residual", |t| t.residual_left_mm),
+            column("modified_hausdorff_mm", "mm", "Modified Hausdorff distance", |t| {
+                t.modified_hausdorff_mm
+            }),
+        ],
+    }
+}
