@@ -1,3 +1,4 @@
 //! Magnetic resonance images.
 
 pub mod register;
+pub mod synthesize;

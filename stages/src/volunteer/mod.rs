@@ -1,0 +1,172 @@
+//! The digital volunteer: a synthetic subject whose truth is known.
+//!
+//! The truth is a stress-free torso ([`torso`]) in the person's body frame, which is the common
+//! frame and the frame of the supine image. Per pose it is deformed by gravity, then by what
+//! people add ([`motion`]): a smooth change of the chest wall, arms, and a rigid motion of the
+//! table. Each image is taken in the frame of its pose. The tilted image is turned with the body,
+//! as a scanner with oblique slices would take it, so that gravity points to the side in it.
+
+mod field;
+mod gland;
+mod landmarks;
+pub mod motion;
+mod posed;
+pub mod preset;
+mod study;
+mod thorax;
+pub mod torso;
+pub mod truth;
+
+pub use motion::{Motion, PoseName};
+pub use posed::PosedBody;
+pub use preset::Preset;
+pub use torso::Torso;
+pub use truth::Truth;
+
+use field::Field;
+use mammotwin_data::{
+    Failure, Vec3,
+    io::{
+        landmarks::write_csv,
+        nifti::{self, Version, VoxelType},
+    },
+    landmarks::Landmarks,
+    progress::{Part, Progress},
+    volume::Grid,
+};
+use mammotwin_imaging::mri::synthesize as mri;
+use std::path::{Path, PathBuf};
+use truth::PoseTruth;
+
+/// Which volunteer to make, and how finely.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// Kind of volunteer: `small`, `large`.
+    pub preset: String,
+    /// Which person of that kind.
+    pub seed: u64,
+    /// Edge of the voxels (mm); the preset's full grid when absent.
+    pub voxel_mm: Option<[f64; 3]>,
+    /// Poses to scan; supine is always among them.
+    pub poses: Vec<PoseName>,
+    /// Folder to write to; made when missing.
+    pub out_dir: PathBuf,
+}
+
+impl Settings {
+    /// The volunteer of the demonstration: small, 1 mm, supine, prone and tilted.
+    pub fn demo(out_dir: &Path) -> Self {
+        Self {
+            preset: "small".into(),
+            seed: 7,
+            voxel_mm: Some([1.0; 3]),
+            poses: vec![PoseName::Supine, PoseName::Prone, PoseName::Tilted],
+            out_dir: out_dir.into(),
+        }
+    }
+}
+
+/// Where things were written.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Written {
+    /// The study, ready to run.
+    pub study: PathBuf,
+    /// Folder with the truth; no stage reads it.
+    pub truth: PathBuf,
+}
+
+/// Standard deviation of a person's pointing at a landmark (mm), along each axis.
+const POINTING_MM: f64 = 0.3;
+/// Distance of lattice points on which deformations are kept (mm).
+const LATTICE_MM: f64 = 2.5;
+/// Value that the images give to fat at full sensitivity.
+const FAT: f64 = 800.0;
+/// Signal to noise ratio of fat at full sensitivity.
+const FAT_SNR: f64 = 55.0;
+
+/// Makes a volunteer and writes `{pose}.nii.gz`, `{pose}_landmarks.csv`, `study.toml`, and
+/// `truth/`.
+///
+/// # Errors
+/// [`Failure::Usage`] for an unknown preset, [`Failure::Numerics`] when a pose has no
+/// equilibrium, [`Failure::Io`] when files cannot be written.
+pub fn synthesize(settings: &Settings, progress: &dyn Progress) -> Result<Written, Failure> {
+    let preset = Preset::named(&settings.preset)?;
+    let torso = Torso::new(preset.person(settings.seed), settings.seed);
+    let out = &settings.out_dir;
+    let truth_dir = out.join("truth");
+    std::fs::create_dir_all(&truth_dir).map_err(|error| Failure::io(&truth_dir, error))?;
+
+    let mut poses: Vec<PoseName> = settings.poses.clone();
+    poses.push(PoseName::Supine);
+    poses.sort_unstable();
+    poses.dedup();
+
+    let marks = landmarks::stress_free(&torso);
+    let mut truth = Truth::of(&torso, &settings.preset, settings.seed);
+    for (done, &pose) in poses.iter().enumerate() {
+        let part = |n: usize| n as f64 / poses.len() as f64;
+        let progress = Part { whole: progress, from: part(done), to: part(done + 1) };
+        let motion = Motion::drawn(&torso, pose, settings.seed);
+        let to_image = |x: &Vec3| motion.to_image(&torso, x);
+        let exact: Landmarks =
+            Landmarks(marks.0.iter().map(|(name, x)| (name.clone(), to_image(x))).collect());
+        let front = exact.0.values().map(|p| p.y).fold(f64::MIN, f64::max);
+        let grid = field_of_view(&torso.person, settings.voxel_mm, front);
+        let corners = [grid.center([0; 3]), grid.center(grid.shape.map(|n| n - 1))];
+        let body = PosedBody::new(&torso, &motion, &Field::zero(), corners, LATTICE_MM);
+        let scan = protocol(&grid, pose, settings.seed);
+        let picture = mri::scan(&grid, &scan, &|p: &Vec3| body.sample(p), &progress);
+
+        let file = |folder: &Path, ending: &str| folder.join(format!("{}{ending}", pose.name()));
+        let path = file(out, ".nii.gz");
+        nifti::write(&path, &picture.magnitude, VoxelType::I16, Version::One)?;
+        let path = file(&truth_dir, "_labels.nii.gz");
+        nifti::write_labels(&path, &picture.labels, Version::One)?;
+        let pointed = landmarks::pointed_at(&exact, pose, settings.seed, POINTING_MM);
+        write_csv(&file(out, "_landmarks.csv"), &pointed)?;
+        truth.poses.insert(pose.name().into(), PoseTruth::of(pose, &motion, exact));
+    }
+    truth.save(&truth_dir.join("truth.json"))?;
+    let study = out.join("study.toml");
+    let text = study::text(&torso, &truth, &poses, settings.seed);
+    std::fs::write(&study, text).map_err(|error| Failure::io(&study, error))?;
+    Ok(Written { study, truth: truth_dir })
+}
+
+/// The grid of an image whose foremost landmark has y = `front` (mm).
+fn field_of_view(person: &Preset, voxel_mm: Option<[f64; 3]>, front: f64) -> Grid {
+    let image = &person.image;
+    let voxel = voxel_mm.unwrap_or(image.voxel_mm);
+    let mut high = image.high_mm;
+    high[1] = high[1].min(front + image.front_mm);
+    let shape =
+        [0, 1, 2].map(|axis| ((high[axis] - image.low_mm[axis]) / voxel[axis]).ceil() as usize + 1);
+    Grid::aligned(shape, voxel, image.low_mm.into())
+}
+
+/// How a pose is scanned: a two-sided breast coil under the prone body, a flexible array on the
+/// front otherwise. Noise grows with the inverse of the voxel's volume.
+fn protocol(grid: &Grid, pose: PoseName, seed: u64) -> mri::Scan {
+    let [_, nj, _] = grid.shape;
+    let front = grid.center([0, nj - 1, 0]).y - 25.0;
+    let centers = match pose {
+        PoseName::Prone => vec![
+            Vec3::new(78.0, front - 10.0, 8.0),
+            Vec3::new(-82.0, front - 10.0, 0.0),
+            Vec3::new(150.0, front - 60.0, 0.0),
+            Vec3::new(-150.0, front - 60.0, 5.0),
+        ],
+        _ => vec![
+            Vec3::new(60.0, front, 60.0),
+            Vec3::new(-55.0, front, 60.0),
+            Vec3::new(65.0, front, -65.0),
+            Vec3::new(-60.0, front, -60.0),
+            Vec3::new(0.0, -130.0, 0.0),
+        ],
+    };
+    let coil = mri::Coil { centers, reach_mm: 75.0, floor: 0.1 };
+    let noise = FAT / FAT_SNR;
+    let noise_seed = mri::noise::mix(seed ^ (pose as u64 + 1) << 32);
+    mri::Scan { coil, fat: FAT, noise, noise_seed, texture_seed: mri::noise::mix(seed) }
+}

@@ -1,0 +1,133 @@
+//! The study file of a digital volunteer, ready to run.
+
+use super::{
+    PoseName, Torso, Truth,
+    preset::{Stream, stream},
+};
+use rand::Rng;
+use std::fmt::Write;
+
+/// Text of `study.toml`. It states the truth's model, but a breast that is 1.25 to 1.5 times
+/// too stiff or too soft: the calibration is to find that.
+pub fn text(torso: &Torso, truth: &Truth, poses: &[PoseName], seed: u64) -> String {
+    let person = &torso.person;
+    let (fixed, stiffness, compression) = (&person.fixed, &person.stiffness, &person.compression);
+    let mut random = stream(seed, Stream::Start);
+    let factor: f64 = random.random_range(1.25..1.5);
+    let factor = if random.random_bool(0.5) { factor } else { 1.0 / factor };
+    let [right, left] = [stiffness.breast_right_kpa, stiffness.breast_left_kpa].map(|e| e * factor);
+
+    let mut poses_text = String::new();
+    for pose in poses {
+        let name = pose.name();
+        let gravity = match (pose.gravity_of_posture(), truth.poses.get(name)) {
+            (None, Some(pose)) => {
+                let v = &pose.gravity_in_image;
+                format!("gravity_in_image = [{:.9}, {:.9}, {:.9}]", v.x, v.y, v.z)
+            }
+            _ => format!("posture = \"{name}\""),
+        };
+        let usage = match pose {
+            PoseName::Supine | PoseName::Prone => "fit",
+            PoseName::Tilted | PoseName::Upright => "validate",
+        };
+        // Writing to a string cannot fail.
+        let _ = write!(
+            poses_text,
+            r#"
+[poses.{name}]
+image = "{name}.nii.gz"
+{gravity}
+landmarks = "{name}_landmarks.csv"
+use = "{usage}"
+"#
+        );
+    }
+    format!(
+        r#"# A digital volunteer: a synthetic subject. What is true of her is in truth/, which no stage
+# reads. The breast starts at a wrong stiffness; everything else of the model is true.
+schema = 1
+
+[subject]
+id = "dv-{name}-{seed}"
+{poses_text}
+[model]
+reference_pose = "supine"
+density_g_per_cm3 = {density}
+breast = {{ law = "neo_hookean", young_right_kpa = {right:.6}, young_left_kpa = {left:.6}, poisson = {poisson} }}
+skin = {{ law = "neo_hookean", young_kpa = {skin}, thickness_mm = {skin_mm} }}
+fascia = {{ law = "neo_hookean", young_kpa = {fascia}, thickness_mm = {fascia_mm} }}
+muscle = {{ rigid = true, young_kpa = {muscle} }}
+ligaments = {{ young_kpa = {ligaments}, names = ["inframammary", "deep_medial", "cranial", "lateral"] }}
+interface = {{ kind = "no_separation", friction = {friction} }}
+
+[mesh]
+size_mm = 8.0
+
+[calibrate]
+parameters = ["breast.young_kpa"]
+
+[compress]
+side = "right"
+view = "cc"
+paddle = "rigid"
+chest_wall_distance_mm = {distance}
+stop = {{ thickness_mm = {thickness} }}
+law = {{ name = "gent", jm = {jm}, poisson = 0.499 }}
+
+[mammogram]
+energy_kev = 24.0
+exposure = "automatic"
+calcifications = {{ rows = 7, columns = 3, pitch_mm = 10.0, diameter_mm = [0.2, 0.3] }}
+"#,
+        name = truth.preset,
+        density = fixed.density_g_per_cm3,
+        poisson = fixed.poisson,
+        skin = stiffness.skin_kpa,
+        skin_mm = float(fixed.skin_mm),
+        fascia = float(stiffness.fascia_kpa),
+        fascia_mm = fixed.fascia_mm,
+        muscle = float(fixed.muscle_kpa),
+        ligaments = float(fixed.ligaments_kpa),
+        friction = float(fixed.friction),
+        distance = float(compression.chest_wall_distance_mm),
+        thickness = float(compression.thickness_right_mm),
+        jm = float(compression.jm),
+    )
+}
+
+/// A number that TOML reads as a float.
+fn float(value: f64) -> String {
+    format!("{value:?}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volunteer::{Motion, Preset, truth::PoseTruth};
+    use mammotwin_data::landmarks::Landmarks;
+
+    #[test]
+    fn the_study_is_valid_and_its_gravity_is_the_true_one_in_the_common_frame() {
+        for name in ["small", "large"] {
+            let torso = Torso::new(Preset::named(name).unwrap().person(3), 3);
+            let mut truth = Truth::of(&torso, name, 3);
+            for pose in PoseName::ALL {
+                let motion = Motion::drawn(&torso, pose, 3);
+                let known = PoseTruth::of(pose, &motion, Landmarks::default());
+                truth.poses.insert(pose.name().into(), known);
+            }
+            let text = text(&torso, &truth, &PoseName::ALL, 3);
+            let study = mammotwin_data::study::parse(&text).unwrap();
+            for (name, pose) in &study.poses {
+                let known = &truth.poses[name];
+                let gravity = known.to_common.direction(&pose.gravity().unwrap());
+                assert!((gravity - known.gravity_in_common).norm() < 1e-8, "{name}: {gravity}");
+            }
+            let ratio = study.model.breast.young_right_kpa / study.model.breast.young_left_kpa;
+            let moduli = &truth.moduli;
+            let true_ratio = moduli["breast.young_right_kpa"] / moduli["breast.young_left_kpa"];
+            assert!((ratio / true_ratio - 1.0).abs() < 1e-4);
+        }
+    }
+}

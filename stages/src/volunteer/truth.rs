@@ -1,0 +1,95 @@
+//! What is true of a digital volunteer: `truth/truth.json`, which no stage reads.
+
+use super::{Motion, PoseName, Torso, torso::Limits};
+use mammotwin_data::{Failure, Vec3, landmarks::Landmarks, rigid::RigidTransform};
+use serde::{Deserialize, Serialize};
+use std::{collections::BTreeMap, path::Path};
+
+/// The truth. Lengths in mm, stiffness in kPa; the common frame is that of the supine image.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Truth {
+    /// Version of this format: 1.
+    pub schema: u32,
+    /// Kind of volunteer.
+    pub preset: String,
+    /// Which person.
+    pub seed: u64,
+    /// Every number of her shape and tissues.
+    pub person: super::Preset,
+    /// Where breasts end, in the common frame.
+    pub limits: Limits,
+    /// Young's moduli (kPa) by study key.
+    pub moduli: BTreeMap<String, f64>,
+    /// Poses by name.
+    pub poses: BTreeMap<String, PoseTruth>,
+}
+
+/// The truth of a pose.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PoseTruth {
+    /// From the image frame to the common frame; `rotation` lists the columns of the matrix.
+    pub to_common: RigidTransform,
+    /// Unit vector of gravity in the image frame.
+    pub gravity_in_image: Vec3,
+    /// Unit vector of gravity in the common frame.
+    pub gravity_in_common: Vec3,
+    /// Root mean square of the change of the chest wall (mm); it has no rigid part.
+    pub chest_change_rms_mm: f64,
+    /// Landmarks in the image frame, without an error of pointing.
+    pub landmarks: Landmarks,
+}
+
+impl Truth {
+    /// The truth of a torso, still without poses.
+    pub fn of(torso: &Torso, preset: &str, seed: u64) -> Self {
+        let stiffness = &torso.person.stiffness;
+        let moduli = [
+            ("breast.young_right_kpa", stiffness.breast_right_kpa),
+            ("breast.young_left_kpa", stiffness.breast_left_kpa),
+            ("skin.young_kpa", stiffness.skin_kpa),
+            ("fascia.young_kpa", stiffness.fascia_kpa),
+        ];
+        Self {
+            schema: 1,
+            preset: preset.into(),
+            seed,
+            person: torso.person.clone(),
+            limits: torso.limits,
+            moduli: moduli.map(|(key, value)| (key.into(), value)).into(),
+            poses: BTreeMap::new(),
+        }
+    }
+
+    /// Writes the truth as JSON.
+    ///
+    /// # Errors
+    /// [`Failure::Io`].
+    pub fn save(&self, path: &Path) -> Result<(), Failure> {
+        let text = serde_json::to_string_pretty(self).map_err(|error| Failure::io(path, error))?;
+        std::fs::write(path, text).map_err(|error| Failure::io(path, error))
+    }
+
+    /// Reads what [`Truth::save`] wrote.
+    ///
+    /// # Errors
+    /// [`Failure::Io`], or [`Failure::BadInput`] when it is no such file.
+    pub fn load(path: &Path) -> Result<Self, Failure> {
+        let text = std::fs::read_to_string(path).map_err(|error| Failure::io(path, error))?;
+        let refused = |error| Failure::BadInput(format!("{}: {error}", path.display()));
+        serde_json::from_str(&text).map_err(refused)
+    }
+}
+
+impl PoseTruth {
+    /// The truth of a pose with these landmarks.
+    pub fn of(pose: PoseName, motion: &Motion, landmarks: Landmarks) -> Self {
+        let gravity_in_common = pose.gravity();
+        Self {
+            to_common: motion.to_common,
+            gravity_in_image: motion.to_common.inverse().direction(&gravity_in_common),
+            gravity_in_common,
+            chest_change_rms_mm: motion.chest.rms_mm,
+            landmarks,
+        }
+    }
+}
