@@ -1,0 +1,122 @@
+//! `report.html` as a stage.
+
+use super::sections;
+use crate::{
+    align, calibrate, comfort, compress, mammogram, mesh,
+    phantom, quality, register, segment, surface, validate,
+    calibrate::Calibration,
+    compress::Compression,
+    mammogram::Mammograms,
+    mesh::BreastMesh,
+    phantom::CompressedPhantom,
+    pictures::PosePictures,
+    quality::Metrics,
+    register::Registered,
+    report::{self, ReportInput},
+    results::Provenance,
+    surface::PoseSurfaces,
+    validate::Validation,
+};
+use mammotwin_data::{
+    Failure,
+    progress::Progress,
+    store::{Artifact, Stage},
+};
+use serde::Serialize;
+use std::{fs, path::Path};
+
+/// Writes what was found into one page for people.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// Pseudonym of the person.
+    pub subject: String,
+    /// Names of the poses, the reference first, in the order of the inputs.
+    pub poses: Vec<String>,
+    /// What a reader must know first.
+    pub warnings: Vec<String>,
+    /// Version and stages that made the results.
+    pub provenance: Provenance,
+}
+
+/// The text of `report.html`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReportFile(pub String);
+
+impl Artifact for ReportFile {
+    const EXTENSION: &'static str = "html";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        fs::write(path, &self.0).map_err(|cause| Failure::io(path, cause))
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        fs::read_to_string(path).map(Self).map_err(|cause| Failure::io(path, cause))
+    }
+}
+
+/// What was made of the images: cuts and surfaces of all poses, motions of all but the first.
+pub type Images = (Vec<PosePictures>, Vec<PoseSurfaces>, Vec<Registered>);
+/// What was made of the reference pose.
+pub type Mechanics = (BreastMesh, Calibration, Vec<Validation>);
+/// What was made of the compression.
+pub type Squeezed =
+    (Option<Compression>, Option<CompressedPhantom>, Option<Mammograms>, Vec<Metrics>);
+
+impl Stage for Report {
+    const NAME: &'static str = "report";
+    const VERSION: u32 = 1;
+    const METHODS: &'static str = "";
+    type Input = (Images, Mechanics, Squeezed);
+    type Output = ReportFile;
+
+    fn run(&self, (images, mechanics, squeezed): &Self::Input, progress: &dyn Progress) -> Result<ReportFile, Failure> {
+        let (mesh, calibration, validations) = mechanics;
+        let (compression, phantom, mammograms, metrics) = squeezed;
+        progress.report(0.1, "images");
+        let mut input = ReportInput {
+            subject: self.subject.clone(),
+            warnings: self.warnings.clone(),
+            poses: sections::poses(&self.poses, images),
+            mesh: Some(sections::mesh(mesh)),
+            calibration: Some(sections::calibration(mesh, calibration)),
+            validation: validations.first().map(|v| sections::validation(mesh, v)),
+            compression: compression.as_ref().map(sections::compression),
+            metrics: metrics.iter().flat_map(|m| m.metrics.clone()).collect(),
+            methods: methods(compression.is_some(), mammograms.is_some()),
+            provenance: self.provenance.clone(),
+            ..ReportInput::default()
+        };
+        if let (Some(compression), Some(phantom), Some(made)) = (compression, phantom, mammograms) {
+            input.mammograms = sections::mammograms(compression, phantom, made);
+        }
+        if let Some(why) = compression.as_ref().and_then(|c| c.stopped_early.as_ref()) {
+            input.warnings.push(format!("The compression ended before its stop rule: {why}"));
+        }
+        input.facts = sections::headlines(calibration, validations, compression.as_ref(), &input.metrics);
+        input.summary = sections::summary(&self.poses, calibration, validations, compression.as_ref());
+        progress.report(0.6, "page");
+        Ok(ReportFile(report::render(&input)?))
+    }
+}
+
+/// The sentences of the stages that took part, in their order.
+fn methods(compressed: bool, pictured: bool) -> Vec<String> {
+    let mut sentences = vec![
+        align::Align::METHODS,
+        segment::Segment::METHODS,
+        surface::Surface::METHODS,
+        register::Register::METHODS,
+        mesh::Mesh::METHODS,
+        calibrate::Calibrate::METHODS,
+        validate::Validate::METHODS,
+    ];
+    if compressed {
+        sentences.extend([compress::Compress::METHODS, comfort::Comfort::METHODS]);
+    }
+    if pictured {
+        let of_picture =
+            [phantom::Phantom::METHODS, mammogram::Mammogram::METHODS, quality::Quality::METHODS];
+        sentences.extend(of_picture);
+    }
+    sentences.into_iter().map(String::from).collect()
+}
