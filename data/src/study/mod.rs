@@ -41,6 +41,25 @@ pub struct Study {
     pub mammogram: Option<MammogramPlan>,
 }
 
+impl Study {
+    /// Name of the pose that the mesh is made of: as stated, or `supine`, or the only pose.
+    pub fn reference_pose(&self) -> &str {
+        let stated = self.model.reference_pose.as_deref();
+        let supine = self.poses.contains_key("supine").then_some("supine");
+        let first = self.poses.keys().next().map_or("", String::as_str);
+        stated.or(supine).unwrap_or(first)
+    }
+
+    /// The same study without the names of its files, which may name people.
+    pub fn without_files(&self) -> Self {
+        let mut study = self.clone();
+        for pose in study.poses.values_mut() {
+            (pose.image, pose.landmarks, pose.labels) = (PathBuf::new(), None, None);
+        }
+        study
+    }
+}
+
 /// Whose pictures these are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -309,8 +328,7 @@ pub enum StressFree {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CalibratePlan {
-    /// Study keys of the parameters to fit: empty, or `breast.young_kpa` (one factor on the
-    /// moduli of both breasts).
+    /// Study keys of the parameters to fit: `breast.young_right_kpa`, `breast.young_left_kpa`.
     pub parameters: Vec<String>,
     /// How the stress-free shape is found.
     pub stress_free: StressFree,

@@ -10,7 +10,7 @@ pub const LIGAMENTS: [&str; 4] = ["inframammary", "deep_medial", "cranial", "lat
 /// Effects that `model.effects` may name.
 pub const EFFECTS: [&str; 0] = [];
 /// Study keys that `calibrate.parameters` may name.
-pub const CALIBRATED: [&str; 1] = ["breast.young_kpa"];
+pub const CALIBRATED: [&str; 2] = ["breast.young_right_kpa", "breast.young_left_kpa"];
 
 /// Why a study is refused; the text names the key and says how to mend it.
 #[derive(Debug, thiserror::Error)]

@@ -35,7 +35,7 @@ effects = []
 [mesh]
 size_mm = 8.0
 [calibrate]
-parameters = ["breast.young_kpa"]
+parameters = ["breast.young_right_kpa", "breast.young_left_kpa"]
 stress_free = "fixed_point"
 [compress]
 side = "right"

@@ -65,7 +65,7 @@ interface = {{ kind = "no_separation", friction = {friction} }}
 size_mm = 8.0
 
 [calibrate]
-parameters = ["breast.young_kpa"]
+parameters = ["breast.young_right_kpa", "breast.young_left_kpa"]
 
 [compress]
 side = "right"
