@@ -106,9 +106,9 @@ fn unknown_words_are_named() {
     );
     refused("effects = []", "effects = [\"wind\"]", &["model.effects[0]", "\"wind\""]);
     refused(
-        "breast.young_kpa\"]",
+        "breast.young_left_kpa\"]",
         "breast.poisson\"]",
-        &["calibrate.parameters[0]", "breast.young_kpa"],
+        &["calibrate.parameters[1]", "breast.young_left_kpa"],
     );
     refused(
         "reference_pose = \"supine\"",
