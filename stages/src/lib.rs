@@ -2,5 +2,6 @@
 //!
 //! A stage is thin: it says what it needs and what it makes, and calls `imaging` and `solver`.
 
+pub mod report;
 pub mod results;
 pub mod volunteer;
