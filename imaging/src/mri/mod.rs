@@ -1,4 +1,9 @@
-//! Magnetic resonance images.
+//! Magnetic resonance images, and the labels, surfaces and fields made from them.
 
+pub mod blur;
+pub mod distance_field;
+mod nearest_seed;
 pub mod register;
+pub mod smooth;
+pub mod surface;
 pub mod synthesize;

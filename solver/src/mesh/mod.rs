@@ -7,8 +7,10 @@
 #[cfg(test)]
 mod bodies;
 pub mod clip;
+pub mod crop;
 pub mod domain;
 pub mod lattice;
+pub mod locate;
 pub mod quality;
 pub mod tetrahedralize;
 pub mod topology;

@@ -4,7 +4,7 @@ use super::{
     clip::{Draft, clip},
     domain::{Domain, PatchDistances, PatchSet},
     lattice::{Lattice, Placement},
-    topology::{OuterFace, face_neighbors, largest_component, not_manifold},
+    topology::{OuterFace, face_neighbors, largest_component, pinched_nodes},
 };
 use mammotwin_data::{
     Vec3,
@@ -90,8 +90,8 @@ pub fn tetrahedralize(
         return Err(MeshError::Empty { size_mm });
     }
     let (_, outer) = face_neighbors(&draft.tets);
-    if let Some(at) = not_manifold(&draft.points, &outer) {
-        return Err(MeshError::NotManifold { at, size_mm });
+    if let Some(&node) = pinched_nodes(&outer).first() {
+        return Err(MeshError::NotManifold { at: draft.points[node as usize], size_mm });
     }
     let centroid =
         |tet: &[u32; 4]| tet.iter().map(|&n| draft.points[n as usize]).sum::<Vec3>() / 4.0;

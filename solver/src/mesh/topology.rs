@@ -1,6 +1,5 @@
 //! Neighbourhoods, outer faces and soundness of tetrahedral meshes.
 
-use mammotwin_data::Vec3;
 use std::collections::BTreeMap;
 
 /// Tetrahedra around each node.
@@ -100,9 +99,9 @@ pub fn largest_component(tets: &[[u32; 4]]) -> Vec<bool> {
     roots.iter().map(|&r| Some(r as usize) == best).collect()
 }
 
-/// Where an outer surface is not a surface: an edge without exactly two faces (the middle of it),
-/// or a node where two sheets touch.
-pub fn not_manifold(points: &[Vec3], outer: &[OuterFace]) -> Option<Vec3> {
+/// Nodes where an outer surface is not a surface: ends of edges without exactly two faces, and nodes
+/// where two sheets touch. Ascending.
+pub fn pinched_nodes(outer: &[OuterFace]) -> Vec<u32> {
     let mut edges: BTreeMap<[u32; 2], u32> = BTreeMap::new();
     let mut fans: BTreeMap<u32, Vec<[u32; 2]>> = BTreeMap::new();
     for face in outer {
@@ -112,10 +111,12 @@ pub fn not_manifold(points: &[Vec3], outer: &[OuterFace]) -> Option<Vec3> {
             fans.entry(a).or_default().push([b, c]);
         }
     }
-    let bad_edge = edges.iter().find(|(_, count)| **count != 2);
-    let middle = |[a, b]: &[u32; 2]| 0.5 * (points[*a as usize] + points[*b as usize]);
-    let bad_node = || fans.iter().find(|(_, fan)| !one_loop(fan)).map(|(n, _)| points[*n as usize]);
-    bad_edge.map(|(edge, _)| middle(edge)).or_else(bad_node)
+    let ends = edges.iter().filter(|(_, count)| **count != 2).flat_map(|(edge, _)| *edge);
+    let touching = fans.iter().filter(|(_, fan)| !one_loop(fan)).map(|(node, _)| *node);
+    let mut nodes: Vec<u32> = ends.chain(touching).collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    nodes
 }
 
 /// Whether the edges opposite to a node close one loop.

@@ -1,0 +1,287 @@
+//! From a mask of voxels to a smooth signed distance field.
+//!
+//! The mask is blurred until its staircase is gone, and the blur's inward pull at curved places is
+//! undone to leading order: with a Gaussian `G`, `2 G - G²` leaves a sphere of radius R in place to
+//! O(σ⁴/R³) instead of O(σ²/R). The surface is the level, close to one half, that leaves as many
+//! voxels inside as the mask has; distances to it are exact to a few hundredths of the spacing.
+
+use super::{blur::gaussian, nearest_seed::nearest_seeds};
+use mammotwin_data::{
+    Vec3,
+    volume::{Grid, Volume},
+};
+use rayon::prelude::*;
+
+/// How to make a distance field.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct FieldPlan {
+    /// Spacing (mm) of the field, along the world axes.
+    pub spacing_mm: f64,
+    /// Standard deviation (mm) of the blur. At least 1.5 voxels are taken along each voxel axis,
+    /// and 0.6 of `spacing_mm`: less leaves stairs. Anything thinner than twice this is lost.
+    pub smoothing_mm: f64,
+    /// Room (mm) around the mask.
+    pub margin_mm: f64,
+}
+
+impl FieldPlan {
+    /// The least smoothing that leaves no stairs, and room for four voxels.
+    pub fn of_spacing(spacing_mm: f64) -> Self {
+        Self { spacing_mm, smoothing_mm: 0.0, margin_mm: 4.0 * spacing_mm }
+    }
+}
+
+/// Why there is no distance field.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum FieldError {
+    /// The mask is all of one value.
+    #[error("the mask has {inside} of {all} voxels inside: there is no surface; check the labels")]
+    NoSurface {
+        /// Voxels inside.
+        inside: usize,
+        /// All voxels.
+        all: usize,
+    },
+    /// A length or an axis is not usable.
+    #[error("{0}")]
+    BadInput(String),
+}
+
+/// Least standard deviation of the blur, in voxels: less leaves stairs.
+const LEAST_SIGMA: f64 = 1.5;
+
+/// Voxels that a field may have.
+const MOST_VOXELS: f64 = 4e8;
+
+/// Signed distance (mm) to the surface of a mask, negative inside, on a grid along the world axes
+/// that holds the mask with a margin.
+///
+/// The mask may lie on any grid: anisotropic, flipped, oblique. Beyond the borders of its image it
+/// goes on as at the border, so that a body that leaves the picture has no surface there.
+pub fn distance_field(mask: &Volume<bool>, plan: &FieldPlan) -> Result<Volume<f32>, FieldError> {
+    let grid = field_grid(mask, plan)?;
+    Ok(redistance(&resample(&blurred_level(mask, plan), grid)))
+}
+
+/// The field's grid: the box of the mask's voxels and the margin.
+fn field_grid(mask: &Volume<bool>, plan: &FieldPlan) -> Result<Grid, FieldError> {
+    let FieldPlan { spacing_mm, smoothing_mm, margin_mm } = *plan;
+    let usable = spacing_mm > 0.0 && smoothing_mm >= 0.0 && margin_mm >= 0.0;
+    if !usable || !(spacing_mm + smoothing_mm + margin_mm).is_finite() {
+        return Err(FieldError::BadInput(format!(
+            "spacing {spacing_mm}, smoothing {smoothing_mm} and margin {margin_mm} mm: give a \
+             positive spacing and no negative length"
+        )));
+    }
+    if !(mask.grid.voxel_mm3() > 0.0 && mask.grid.voxel_mm3().is_finite()) {
+        return Err(FieldError::BadInput("the axes of the mask span no volume".into()));
+    }
+    let inside = mask.values.iter().filter(|&&v| v).count();
+    if inside == 0 || inside == mask.values.len() {
+        return Err(FieldError::NoSurface { inside, all: mask.values.len() });
+    }
+    let (low, high) = mask_box(mask);
+    let low = low.add_scalar(-margin_mm);
+    let cells = (high.add_scalar(margin_mm) - low) / spacing_mm;
+    if cells.map(|n| n + 2.0).product() > MOST_VOXELS {
+        return Err(FieldError::BadInput(format!(
+            "spacing_mm {spacing_mm} gives too many voxels; take more"
+        )));
+    }
+    let shape = cells.map(|n| n.ceil() as usize + 1).into();
+    Ok(Grid::aligned(shape, [spacing_mm; 3], low))
+}
+
+/// World box (mm) of the centres of the voxels that are inside.
+fn mask_box(mask: &Volume<bool>) -> (Vec3, Vec3) {
+    let none = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
+    let inside = (0..mask.values.len()).filter(|&n| mask.values[n]);
+    inside.fold(none, |(low, high), n| {
+        let p = mask.grid.center(mask.grid.voxel(n));
+        (low.inf(&p), high.sup(&p))
+    })
+}
+
+/// A smooth level function: negative in as many voxels as the mask has inside.
+fn blurred_level(mask: &Volume<bool>, plan: &FieldPlan) -> Volume<f32> {
+    let spacing = mask.grid.spacing_mm();
+    let least = plan.smoothing_mm.max(0.6 * plan.spacing_mm);
+    let sigmas = spacing.map(|step| (least / step).max(LEAST_SIGMA));
+    let once = gaussian(mask.map(|inside| f32::from(u8::from(inside))), sigmas);
+    let twice = gaussian(once.clone(), sigmas);
+    let mut level = once;
+    let pairs = level.values.par_iter_mut().zip(&twice.values);
+    pairs.for_each(|(once, twice)| *once = 0.5 + twice - 2.0 * *once);
+    let border = volume_keeping_level(&level, mask.values.iter().filter(|&&v| v).count());
+    level.values.par_iter_mut().for_each(|value| *value -= border);
+    level
+}
+
+/// The value of `level` (close to zero) below which the volume is `inside` voxels. Voxels near the
+/// surface count in part, by a ramp about one voxel wide.
+fn volume_keeping_level(level: &Volume<f32>, inside: usize) -> f32 {
+    let slice = level.grid.shape[0] * level.grid.shape[1];
+    let volume = |border: f32| -> f64 {
+        let part = |value: &f32| f64::from((0.5 + 4.0 * (border - value)).clamp(0.0, 1.0));
+        let sums: Vec<f64> =
+            level.values.par_chunks(slice).map(|values| values.iter().map(part).sum()).collect();
+        sums.iter().sum()
+    };
+    let (mut low, mut high) = (-0.2, 0.2);
+    for _ in 0..16 {
+        let middle = 0.5 * (low + high);
+        if volume(middle) < inside as f64 { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
+/// Values of `image` at the points of another grid, by Catmull-Rom cubics; beyond the border the
+/// value at the border.
+fn resample(image: &Volume<f32>, grid: Grid) -> Volume<f32> {
+    let to_voxel = image.grid.to_voxel();
+    let [ni, nj, _] = grid.shape;
+    let mut values = vec![0.0; grid.len()];
+    values.par_chunks_mut(ni).enumerate().for_each(|(row, line)| {
+        for (i, value) in line.iter_mut().enumerate() {
+            *value = cubic(image, &to_voxel.apply(&grid.center([i, row % nj, row / nj])));
+        }
+    });
+    Volume { grid, values }
+}
+
+/// Catmull-Rom interpolation at voxel coordinates.
+fn cubic(image: &Volume<f32>, at: &Vec3) -> f32 {
+    let shape = image.grid.shape;
+    let mut places = [[0usize; 4]; 3];
+    let mut weights = [[0f32; 4]; 3];
+    for axis in 0..3 {
+        let last = (shape[axis] - 1) as f64;
+        let place = at[axis].clamp(0.0, last);
+        let low = place.floor();
+        let t = (place - low) as f32;
+        let (t2, t3) = (t * t, t * t * t);
+        weights[axis] = [
+            0.5 * (2.0 * t2 - t - t3),
+            0.5 * (3.0 * t3 - 5.0 * t2 + 2.0),
+            0.5 * (4.0 * t2 + t - 3.0 * t3),
+            0.5 * (t3 - t2),
+        ];
+        for (n, place) in places[axis].iter_mut().enumerate() {
+            *place = (low + n as f64 - 1.0).clamp(0.0, last) as usize;
+        }
+    }
+    let mut sum = 0.0;
+    for (k, wk) in places[2].iter().zip(weights[2]) {
+        for (j, wj) in places[1].iter().zip(weights[1]) {
+            let row = (k * shape[1] + j) * shape[0];
+            let line: f32 = (0..4).map(|n| weights[0][n] * image.values[row + places[0][n]]).sum();
+            sum += wk * wj * line;
+        }
+    }
+    sum
+}
+
+/// Signed distance (mm) to the zero level of a smooth field on an isotropic grid along the world
+/// axes. The signs stay; the values become distances.
+///
+/// Grid points beside the surface find their foot on it by Newton's method; all others take the
+/// nearest of these feet.
+pub fn redistance(level: &Volume<f32>) -> Volume<f32> {
+    let grid = &level.grid;
+    let feet: Vec<Option<[f32; 3]>> =
+        (0..grid.len()).into_par_iter().map(|n| foot(level, grid.voxel(n))).collect();
+    let nearest = nearest_seeds(grid.shape, |n| feet[n].is_some());
+    let step = grid.axes[(0, 0)];
+    let distance = |n: usize| {
+        let at = grid.voxel(n).map(|v| v as f32);
+        let to = |seed: usize| match feet.get(seed).copied().flatten() {
+            Some(foot) => (0..3).map(|axis| (at[axis] - foot[axis]).powi(2)).sum(),
+            None => f32::INFINITY,
+        };
+        // The nearest foot may belong to a neighbour of the nearest seed.
+        let mut seed = nearest[n] as usize;
+        let mut best: f32 = to(seed);
+        for _ in 0..WALK {
+            let from = seed;
+            if from < grid.len() {
+                for_neighbors(grid.shape, grid.voxel(from), |m| {
+                    let square = to(m);
+                    if square < best {
+                        (best, seed) = (square, m);
+                    }
+                });
+            }
+            if seed == from {
+                break;
+            }
+        }
+        let size = best.sqrt() * step as f32;
+        if level.values[n] < 0.0 { -size } else { size }
+    };
+    let values = (0..grid.len()).into_par_iter().map(distance).collect();
+    Volume { grid: grid.clone(), values }
+}
+
+/// Steps from the nearest seed to the one with the nearest foot.
+const WALK: usize = 4;
+
+/// Calls `visit` with the index of each of up to 26 neighbours.
+fn for_neighbors(shape: [usize; 3], voxel: [usize; 3], mut visit: impl FnMut(usize)) {
+    let [i, j, k] = voxel.map(|v| v.saturating_sub(1));
+    for kk in k..=(voxel[2] + 1).min(shape[2] - 1) {
+        for jj in j..=(voxel[1] + 1).min(shape[1] - 1) {
+            for ii in i..=(voxel[0] + 1).min(shape[0] - 1) {
+                visit((kk * shape[1] + jj) * shape[0] + ii);
+            }
+        }
+    }
+}
+
+/// Foot on the surface (voxel coordinates) of a grid point that has a neighbour on the other side.
+fn foot(level: &Volume<f32>, voxel: [usize; 3]) -> Option<[f32; 3]> {
+    let here = level.at(voxel) < 0.0;
+    let crosses = (0..3).any(|axis| {
+        let last = level.grid.shape[axis] - 1;
+        let other = |place: usize| {
+            let mut other = voxel;
+            other[axis] = place;
+            (level.at(other) < 0.0) != here
+        };
+        other(voxel[axis].saturating_sub(1)) || other((voxel[axis] + 1).min(last))
+    });
+    if !crosses {
+        return None;
+    }
+    let start = Vec3::from(voxel.map(|v| v as f64));
+    let mut at = start;
+    for _ in 0..4 {
+        let (value, gradient) = value_and_gradient(level, &at);
+        let square = gradient.norm_squared();
+        if square < 1e-20 {
+            return None;
+        }
+        // Newton's step towards the level, then back to straight below the grid point.
+        let normal = gradient / square.sqrt();
+        let below = at - gradient * (value / square);
+        at = start - normal * normal.dot(&(start - below));
+        if (at - start).norm() > 2.0 {
+            return None;
+        }
+    }
+    Some([at.x as f32, at.y as f32, at.z as f32])
+}
+
+/// Value and gradient per voxel, by cubics.
+fn value_and_gradient(level: &Volume<f32>, at: &Vec3) -> (f64, Vec3) {
+    const STEP: f64 = 0.25;
+    let value = |p: &Vec3| f64::from(cubic(level, p));
+    let slope = |axis: usize| {
+        let mut step = Vec3::zeros();
+        step[axis] = STEP;
+        (value(&(at + step)) - value(&(at - step))) / (2.0 * STEP)
+    };
+    (value(at), Vec3::new(slope(0), slope(1), slope(2)))
+}
+
+#[cfg(test)]
+mod tests;
