@@ -1,4 +1,5 @@
 //! Magnetic resonance images.
 
 pub mod register;
+pub mod segment;
 pub mod synthesize;
