@@ -4,6 +4,7 @@ pub mod blur;
 pub mod distance_field;
 mod nearest_seed;
 pub mod register;
+pub mod segment;
 pub mod smooth;
 pub mod surface;
 pub mod synthesize;

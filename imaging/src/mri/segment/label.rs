@@ -1,0 +1,147 @@
+//! From surfaces and limits to one label a voxel, on the image's own grid.
+
+use super::body::{self, Body};
+use super::depth;
+use super::limits::{BodyLimits, height_range};
+use super::shading::Shaded;
+use super::tissue::{self, Classes};
+use super::wall::Wall;
+use mammotwin_data::labels::Tissue;
+use mammotwin_data::volume::Volume;
+use mammotwin_data::{Vec3, labels::LabelMap};
+use rayon::prelude::*;
+
+/// Where a voxel is; `Breast` is divided into tissues afterwards.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    Air,
+    Muscle,
+    Thorax,
+    Other,
+    Breast,
+}
+
+/// The image's voxels in units of fat.
+pub(super) fn brightness(shaded: &Shaded) -> Volume<f32> {
+    let grid = &shaded.image.grid;
+    let slice = grid.shape[0] * grid.shape[1];
+    let mut values = shaded.image.values.clone();
+    values.par_chunks_mut(slice).enumerate().for_each(|(k, values)| {
+        for (n, value) in values.iter_mut().enumerate() {
+            let voxel = Vec3::new((n % grid.shape[0]) as f64, (n / grid.shape[0]) as f64, k as f64);
+            *value /= shaded.field.fat(&shaded.frame.body_from_voxel.apply(&voxel));
+        }
+    });
+    Volume { grid: grid.clone(), values }
+}
+
+/// The body on the image's grid: decided by the voxel itself near the surface, else by `body`.
+pub(super) fn body_mask(
+    shaded: &Shaded,
+    brightness: &Volume<f32>,
+    work: &Volume<f32>,
+    body: &Body,
+) -> Vec<bool> {
+    // Voxels of the work grid within this distance of the surface are looked at closely.
+    const NEAR: usize = 2;
+    let mut inner: Vec<f32> = body.mask.iter().map(|&b| f32::from(u8::from(!b))).collect();
+    super::filter::maximum(&mut inner, work.grid.shape, NEAR);
+    let mut outer: Vec<f32> = body.mask.iter().map(|&b| f32::from(u8::from(b))).collect();
+    super::filter::maximum(&mut outer, work.grid.shape, NEAR);
+    let grid = &brightness.grid;
+    let slice = grid.shape[0] * grid.shape[1];
+    let mut mask = vec![false; grid.len()];
+    mask.par_chunks_mut(slice).enumerate().for_each(|(k, mask)| {
+        for (n, inside) in mask.iter_mut().enumerate() {
+            let voxel = Vec3::new((n % grid.shape[0]) as f64, (n / grid.shape[0]) as f64, k as f64);
+            let p = shaded.frame.body_from_voxel.apply(&voxel);
+            let at = nearest(work, &p);
+            *inside = inner[at] < 0.5
+                || (outer[at] > 0.5
+                    && brightness.values[k * slice + n]
+                        > body::air_below(shaded.field.fat(&p), shaded.field.brightest));
+        }
+    });
+    mask
+}
+
+/// Index of the nearest voxel of a grid along the body's axes.
+fn nearest<T>(volume: &Volume<T>, p: &Vec3) -> usize {
+    let grid = &volume.grid;
+    let scaled = (p - grid.origin) / grid.axes[(0, 0)];
+    let at =
+        [0, 1, 2].map(|axis| (scaled[axis].round().max(0.0) as usize).min(grid.shape[axis] - 1));
+    grid.index(at)
+}
+
+/// All labels, and the classes that gland and fat were told apart with.
+pub(super) fn assign(
+    shaded: &Shaded,
+    brightness: &Volume<f32>,
+    mask: &[bool],
+    wall: &Wall,
+    limits: &BodyLimits,
+    skin_mm: f64,
+) -> (LabelMap, Classes) {
+    let grid = &brightness.grid;
+    let slice = grid.shape[0] * grid.shape[1];
+    let rows = height_range(&wall.polar);
+    let place = |n: usize, p: &Vec3| {
+        let (radius, at) = wall.polar.locate(p);
+        let seen = !wall.whole_back || wall.polar.holds(at);
+        if !mask[n] && !(seen && radius < f64::from(wall.polar.value(&wall.front, at))) {
+            return Place::Air;
+        }
+        if radius < f64::from(wall.polar.value(&wall.front, at)) {
+            let rear = f64::from(wall.polar.value(&wall.rear, at));
+            let muscle = radius >= rear && p.y > limits.lateral_y;
+            return if muscle { Place::Muscle } else { Place::Thorax };
+        }
+        let side = usize::from(limits.from_sternum(p.x, p.z) < 0.0);
+        let [low, high] = limits.z[side];
+        let within = p.z >= low.max(rows[0]) && p.z <= high && p.y > limits.lateral_y;
+        if within { Place::Breast } else { Place::Other }
+    };
+    let body_point = |n: usize| {
+        let [i, j, k] = grid.voxel(n);
+        shaded.frame.body_from_voxel.apply(&Vec3::new(i as f64, j as f64, k as f64))
+    };
+    let mut places = vec![Place::Air; grid.len()];
+    places.par_chunks_mut(slice).enumerate().for_each(|(k, places)| {
+        for (n, slot) in places.iter_mut().enumerate() {
+            let n = k * slice + n;
+            *slot = place(n, &body_point(n));
+        }
+    });
+    let depth = depth::distance_to_outside(mask, grid, skin_mm + 12.0);
+    let half_voxel = 0.5 * grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+    let skin_depth = (skin_mm + half_voxel) as f32;
+    let deep = (0..grid.len())
+        .filter(|&n| places[n] == Place::Breast && depth[n] > skin_depth + 2.0)
+        .map(|n| brightness.values[n]);
+    let classes = tissue::classify(deep);
+    let mut labels = vec![Tissue::Background; grid.len()];
+    labels.par_chunks_mut(slice).enumerate().for_each(|(k, labels)| {
+        for (n, label) in labels.iter_mut().enumerate() {
+            let n = k * slice + n;
+            *label = match places[n] {
+                Place::Air => Tissue::Background,
+                Place::Muscle => Tissue::PectoralMuscle,
+                Place::Thorax => Tissue::Thorax,
+                Place::Other => Tissue::Other,
+                Place::Breast if depth[n] <= skin_depth => Tissue::Skin,
+                Place::Breast => {
+                    let p = body_point(n);
+                    let gland = f64::from(brightness.values[n]) < classes.threshold;
+                    match (gland, limits.from_sternum(p.x, p.z) >= 0.0) {
+                        (false, true) => Tissue::AdiposeRight,
+                        (false, false) => Tissue::AdiposeLeft,
+                        (true, true) => Tissue::FibroglandularRight,
+                        (true, false) => Tissue::FibroglandularLeft,
+                    }
+                }
+            };
+        }
+    });
+    (Volume { grid: grid.clone(), values: labels }, classes)
+}

@@ -1,0 +1,214 @@
+//! Fully automatic segmentation of a breast MRI without fat suppression.
+//!
+//! One file a step: [`frame`] turns the image into the body's own axes, [`body`] finds the air
+//! around it, [`shading`] learns how bright fat is at each place, [`wall`] finds the chest wall as
+//! a smooth optimal surface ([`search`]) over a map about the thorax' axis ([`polar`]),
+//! [`limits`] says where the breasts end, [`tissue`] parts gland and fat, and [`label`] writes it
+//! all on the image's own grid.
+//!
+//! The breasts end by convention: at the sternal plane of symmetry, at the lateral plane through
+//! the thorax' mid-depth (mid-axillary line), and where the tissue in front of the chest wall
+//! stops protruding, plus a margin (Mira 2018, § 1.1.2: sternal to mid-axillary line, clavicle to
+//! costal margin).
+
+mod body;
+mod depth;
+mod error;
+mod filter;
+mod frame;
+mod label;
+mod limits;
+mod polar;
+mod search;
+mod shading;
+mod tissue;
+mod wall;
+
+pub use error::{Border, SegmentError, Warning};
+pub use tissue::Classes;
+pub use wall::NOMINAL_MUSCLE_MM;
+
+use frame::Frame;
+use mammotwin_data::Vec3;
+use mammotwin_data::labels::{LabelMap, Side};
+use mammotwin_data::progress::Progress;
+use mammotwin_data::rigid::RigidTransform;
+use mammotwin_data::volume::{Grid, Volume};
+use shading::Shaded;
+
+/// How to segment.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Options {
+    /// Carries image millimetres into axes in which z runs along the body and y to its front.
+    /// Identity suits poses turned by less than about 15 degrees; else the rigid motion between
+    /// fiducials.
+    pub body_frame: RigidTransform,
+    /// Nominal thickness (mm) of the layer under the surface that is labelled skin.
+    pub skin_mm: f64,
+    /// Spacing (mm) of the grid on which body and wall are looked for before they are refined on
+    /// the image itself.
+    pub work_spacing_mm: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { body_frame: RigidTransform::identity(), skin_mm: 2.0, work_spacing_mm: 2.0 }
+    }
+}
+
+/// Labels, and what they rest on.
+#[derive(Debug, Clone)]
+pub struct Segmentation {
+    /// One tissue a voxel, on the image's own grid.
+    pub labels: LabelMap,
+    /// Where the breasts end.
+    pub limits: Limits,
+    /// Brightness of fat at each place, in the image's units, on a coarse grid of the image's
+    /// millimetres: dividing by it takes the coils' shading away.
+    pub shading: Volume<f32>,
+    /// Brightness of gland and fat relative to it.
+    pub classes: Classes,
+    /// Part of the chest wall behind the breasts on which fat and muscle were told apart, 0..=1.
+    pub wall_seen: f64,
+    /// Part of the chest wall on which the rear of the muscle was seen, 0..=1.
+    pub muscle_rear_seen: f64,
+    /// What to look at.
+    pub warnings: Vec<Warning>,
+}
+
+/// Where the breasts end, in the body's axes (mm): image millimetres after
+/// [`Options::body_frame`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Limits {
+    /// A point of the sternal plane, in the image's millimetres.
+    pub sternal_point: Vec3,
+    /// Unit normal of the sternal plane to the person's right, in the image's millimetres.
+    pub sternal_normal: Vec3,
+    /// y of the lateral (mid-axillary) plane.
+    pub lateral_y_mm: f64,
+    /// Lowest and highest z of the right breast.
+    pub right_z_mm: [f64; 2],
+    /// Lowest and highest z of the left breast.
+    pub left_z_mm: [f64; 2],
+}
+
+/// A cross-section at the border above this part of the largest means a cut breast.
+const CUT_FRACTION: f64 = 0.75;
+/// Above this part, it deserves a warning.
+const ENDS_FRACTION: f64 = 0.2;
+
+/// Segments a scan. Deterministic; the image needs bright fat and dark muscle (T2 or T1 weighted,
+/// without fat suppression).
+pub fn segment(
+    image: &Volume<f32>,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Segmentation, SegmentError> {
+    let shape = image.grid.shape;
+    let grid_error = SegmentError::Grid { shape };
+    if shape.iter().any(|&n| n < 8) {
+        return Err(grid_error);
+    }
+    if let Some(n) = image.values.iter().position(|v| !v.is_finite()) {
+        let voxel = image.grid.voxel(n);
+        return Err(SegmentError::NotFinite { voxel, value: image.values[n] });
+    }
+    let frame = Frame::new(&image.grid, &options.body_frame).ok_or(grid_error)?;
+
+    progress.report(0.0, "resampling along the body's axes");
+    let grid = frame.work_grid(options.work_spacing_mm);
+    let (work, inside) = frame::resample(image, &frame, grid);
+
+    progress.report(0.2, "coil shading and body");
+    let positive = work.values.iter().filter(|&&v| v > 0.0).map(|v| v.ln());
+    let tissue_from = filter::otsu(positive).ok_or(SegmentError::Empty)?.exp();
+    let mut body = body::find(&work, &inside, |_| tissue_from).ok_or(SegmentError::Empty)?;
+    let mut field = None;
+    let mut brightness_of_work = work.clone();
+    // The second time the shading is measured where the first one saw the body.
+    for _ in 0..2 {
+        let found = shading::estimate(&work, &body.mask, tissue_from).ok_or(SegmentError::Empty)?;
+        let grid = &work.grid;
+        let fat: Vec<f32> =
+            (0..grid.len()).map(|n| found.fat(&grid.center(grid.voxel(n)))).collect();
+        for n in 0..fat.len() {
+            brightness_of_work.values[n] = work.values[n] / fat[n];
+        }
+        let tissue_from = |n: usize| body::faintest(fat[n], found.brightest);
+        body = body::find(&brightness_of_work, &inside, tissue_from).ok_or(SegmentError::Empty)?;
+        field = Some(found);
+    }
+    let field = field.ok_or(SegmentError::Empty)?;
+    let work = brightness_of_work;
+    let shaded = Shaded { image, frame: &frame, field: &field };
+
+    progress.report(0.5, "chest wall");
+    let wall = wall::find(&work, &shaded, &body).ok_or(SegmentError::NoChestWall)?;
+
+    progress.report(0.7, "breast limits");
+    let limits = limits::find(&wall).ok_or(SegmentError::NoBreast)?;
+    let mut warnings = check_borders(&limits)?;
+
+    progress.report(0.75, "labels");
+    let brightness = label::brightness(&shaded);
+    let mask = label::body_mask(&shaded, &brightness, &work, &body);
+    let (labels, classes) =
+        label::assign(&shaded, &brightness, &mask, &wall, &limits, options.skin_mm);
+
+    let wall_seen =
+        wall.contrast.iter().filter(|c| **c > 0.3).count() as f64 / wall.contrast.len() as f64;
+    if wall_seen < 0.6 {
+        warnings.push(Warning::FaintWall { percent: 100.0 * wall_seen });
+    }
+    if wall.rear_seen < 0.5 {
+        let percent = 100.0 * wall.rear_seen;
+        warnings.push(Warning::NominalMuscle { percent, nominal_mm: NOMINAL_MUSCLE_MM });
+    }
+    let voxel_mm = image.grid.spacing_mm().into_iter().fold(0.0, f64::max);
+    if voxel_mm > options.skin_mm {
+        warnings.push(Warning::CoarseSkin { voxel_mm, skin_mm: options.skin_mm });
+    }
+    let image_from_body = options.body_frame.inverse();
+    let [x, slope] = limits.sternum;
+    progress.report(1.0, "segmented");
+    Ok(Segmentation {
+        labels,
+        limits: Limits {
+            sternal_point: image_from_body.point(&Vec3::new(x, limits.lateral_y, 0.0)),
+            sternal_normal: image_from_body.direction(&Vec3::new(1.0, 0.0, -slope).normalize()),
+            lateral_y_mm: limits.lateral_y,
+            right_z_mm: limits.z[limits::slot(Side::Right)],
+            left_z_mm: limits.z[limits::slot(Side::Left)],
+        },
+        shading: Volume {
+            grid: Grid {
+                shape: field.log.grid.shape,
+                axes: image_from_body.rotation * field.log.grid.axes,
+                origin: image_from_body.point(&field.log.grid.origin),
+            },
+            values: field.log.values.iter().map(|v| v.exp()).collect(),
+        },
+        classes,
+        wall_seen,
+        muscle_rear_seen: wall.rear_seen,
+        warnings,
+    })
+}
+
+/// Refuses a cut breast, and warns of one that ends at a border.
+fn check_borders(limits: &limits::BodyLimits) -> Result<Vec<Warning>, SegmentError> {
+    let mut warnings = Vec::new();
+    for side in [Side::Right, Side::Left] {
+        let at_border = limits.at_border[limits::slot(side)];
+        for (border, fraction) in [Border::Inferior, Border::Superior].into_iter().zip(at_border) {
+            if fraction > CUT_FRACTION {
+                return Err(SegmentError::BreastCut { side, border });
+            }
+            if fraction > ENDS_FRACTION {
+                warnings.push(Warning::EndsAtBorder { side, border, percent: 100.0 * fraction });
+            }
+        }
+    }
+    Ok(warnings)
+}

@@ -1,0 +1,313 @@
+//! The chest wall: front and rear surfaces of the pectoral muscle.
+
+use super::body::{self, Body};
+use super::filter;
+use super::frame::sample_clamped;
+use super::polar::Polar;
+use super::search::{Columns, optimal_surface, smooth_map};
+use super::shading::Shaded;
+use mammotwin_data::volume::Volume;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Thickness (mm) of the muscle where its rear is not seen.
+pub const NOMINAL_MUSCLE_MM: f64 = 10.0;
+/// Tissue darker than this fraction of fat is not fat.
+const FAT_ABOVE: f32 = 0.55;
+/// Skin and fat in front of the wall are at least this thick (mm).
+const THINNEST_COVER_MM: f32 = 3.0;
+/// The wall is hardly ever further inside than this from its first approximation (mm).
+const COVER_OF_PRIOR_MM: f64 = 8.0;
+/// Half width (mm) of the band around the prior in which the wall is searched.
+const BAND_MM: f64 = 24.0;
+/// Step (mm) of the search.
+const STEP_MM: f64 = 1.0;
+
+/// Radii (mm) about the thorax' axis, one for each column of the map.
+#[derive(Debug, Clone)]
+pub(super) struct Wall {
+    pub polar: Polar,
+    /// Front of the muscle.
+    pub front: Vec<f32>,
+    /// Rear of the muscle.
+    pub rear: Vec<f32>,
+    /// Outermost radius at which there is body.
+    pub surface: Vec<f32>,
+    /// How clearly the front was seen, 0..=1.
+    pub contrast: Vec<f32>,
+    /// Fraction of columns whose rear was seen.
+    pub rear_seen: f64,
+    /// Whether the image shows the back of the body.
+    pub whole_back: bool,
+}
+
+/// Finds the wall. `work` is brightness in units of fat on the work grid, `fine` on the image.
+/// `None` if hardly any dark tissue lies under the fat.
+pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body) -> Option<Wall> {
+    let grid = &work.grid;
+    let spacing = grid.spacing_mm()[0];
+    let high_z = grid.origin.z + (grid.shape[2] - 1) as f64 * spacing;
+    let polar = Polar::new(body.axis, grid.origin.z, high_z);
+    let mut tissue = Volume {
+        grid: grid.clone(),
+        values: body.mask.iter().map(|&b| f32::from(u8::from(b))).collect(),
+    };
+    let surface = outermost(&polar, &tissue);
+    let core = dark_core(work, &tissue);
+    let mut outer_dark = outermost(&polar, &core);
+    // Bridges the gaps between ribs, where thin muscle is lost.
+    let [n_u, n_v] = polar.shape;
+    filter::maximum(&mut outer_dark, [n_u, n_v, 1], 3);
+    let prior = near_elliptic(&polar, &outer_dark, &surface)?;
+    fill_inside(&mut tissue, &polar, &prior, COVER_OF_PRIOR_MM);
+    let rough = search_front(&polar, work, &tissue, &prior, &surface);
+    let (mut front, contrast) = refine(&polar, fine, &rough);
+    for (front, surface) in front.iter_mut().zip(&surface) {
+        *front = front.min(surface - THINNEST_COVER_MM).max(1.0);
+    }
+    let (rear, rear_seen) = search_rear(&polar, fine, &front, &contrast);
+    Some(Wall { polar, front, rear, surface, contrast, rear_seen, whole_back: body.whole_back })
+}
+
+/// Sets to one what lies more than `margin` (mm) inside of a map of radii: whatever has leaked
+/// into the thorax is no air.
+pub(super) fn fill_inside(mask: &mut Volume<f32>, polar: &Polar, radius: &[f32], margin: f64) {
+    for n in 0..mask.grid.len() {
+        let (r, at) = polar.locate(&mask.grid.center(mask.grid.voxel(n)));
+        if polar.holds(at) && r < f64::from(polar.value(radius, at)) - margin {
+            mask.values[n] = 1.0;
+        }
+    }
+}
+
+/// Largest radius (mm) at which `mask` exceeds one half, in each column; 0 where it never does.
+fn outermost(polar: &Polar, mask: &Volume<f32>) -> Vec<f32> {
+    let to_voxel = mask.grid.to_voxel();
+    let spacing = mask.grid.spacing_mm()[0];
+    let reach = mask.grid.shape[0].max(mask.grid.shape[1]) as f64 * spacing;
+    let of_column = |column: usize| {
+        let mut radius = reach;
+        while radius > 0.0 {
+            let voxel = to_voxel.apply(&polar.point(column, radius));
+            if mask.linear(&voxel).is_some_and(|v| v > 0.5) {
+                return radius as f32;
+            }
+            radius -= 0.5;
+        }
+        0.0
+    };
+    (0..polar.len()).into_par_iter().map(of_column).collect()
+}
+
+/// Dark tissue that hangs together with the inside of the thorax through more than thin bridges:
+/// neither skin nor gland behind a layer of fat.
+fn dark_core(work: &Volume<f32>, tissue: &Volume<f32>) -> Volume<f32> {
+    let shape = work.grid.shape;
+    let mut smooth = work.values.clone();
+    filter::box_blur(&mut smooth, shape, [1; 3]);
+    let mut near_air: Vec<f32> = tissue.values.iter().map(|b| 1.0 - b).collect();
+    filter::maximum(&mut near_air, shape, 2);
+    let dark: Vec<bool> =
+        (0..smooth.len()).map(|n| near_air[n] < 0.5 && smooth[n] < FAT_ABOVE).collect();
+    let mut light: Vec<f32> = dark.iter().map(|&d| f32::from(u8::from(!d))).collect();
+    filter::maximum(&mut light, shape, 1);
+    let eroded: Vec<bool> = light.iter().map(|&l| l < 0.5).collect();
+    let mut core: Vec<f32> = body::largest_component(&eroded, shape)
+        .unwrap_or(eroded)
+        .iter()
+        .map(|&c| f32::from(u8::from(c)))
+        .collect();
+    // Grown back within the dark tissue: over what the erosion took, and thin muscle beside it.
+    for _ in 0..4 {
+        filter::maximum(&mut core, shape, 1);
+        core.iter_mut().zip(&dark).for_each(|(core, dark)| *core *= f32::from(u8::from(*dark)));
+    }
+    Volume { grid: work.grid.clone(), values: core }
+}
+
+/// A smooth wall of few degrees of freedom through most of the outer ends of the dark core.
+///
+/// Chebyshev polynomials of the angle and the height, fitted with Tukey's biweight: gland that
+/// touches the muscle lies outside of the wall and loses its weight.
+fn near_elliptic(polar: &Polar, outer_dark: &[f32], surface: &[f32]) -> Option<Vec<f32>> {
+    const DEGREE: [usize; 2] = [8, 6];
+    let chebyshev = |order: usize, x: f64| (order as f64 * x.clamp(-1.0, 1.0).acos()).cos();
+    let n_basis = (DEGREE[0] + 1) * (DEGREE[1] + 1);
+    let basis = |column: usize| {
+        let scaled = |n: usize, of: usize| 2.0 * n as f64 / (of.max(2) - 1) as f64 - 1.0;
+        let u = scaled(column % polar.shape[0], polar.shape[0]);
+        let v = scaled(column / polar.shape[0], polar.shape[1]);
+        DVector::from_fn(n_basis, |b, _| {
+            chebyshev(b % (DEGREE[0] + 1), u) * chebyshev(b / (DEGREE[0] + 1), v)
+        })
+    };
+    let known: Vec<usize> =
+        (0..polar.len()).filter(|&c| outer_dark[c] > 20.0 && surface[c] > 20.0).collect();
+    if known.len() * 3 < polar.len() {
+        return None;
+    }
+    let bases: Vec<DVector<f64>> = (0..polar.len()).map(basis).collect();
+    let mut weight = vec![1.0; known.len()];
+    let mut fit = vec![0.0f32; polar.len()];
+    for pass in 0..10 {
+        let mut normal = DMatrix::<f64>::identity(n_basis, n_basis) * (1e-4 * known.len() as f64);
+        let mut right = DVector::<f64>::zeros(n_basis);
+        for (&column, &w) in known.iter().zip(&weight) {
+            normal.ger(w, &bases[column], &bases[column], 1.0);
+            right.axpy(w * f64::from(outer_dark[column]), &bases[column], 1.0);
+        }
+        let coefficients = normal.cholesky()?.solve(&right);
+        for column in 0..polar.len() {
+            fit[column] = bases[column].dot(&coefficients) as f32;
+        }
+        // The scale shrinks, so that the first pass can be far off.
+        let scale = [40.0, 30.0, 25.0, 20.0, 15.0][pass.min(4)];
+        for (&column, w) in known.iter().zip(weight.iter_mut()) {
+            let ratio = f64::from(outer_dark[column] - fit[column]) / scale;
+            *w = (1.0 - ratio * ratio).max(0.0).powi(2);
+        }
+    }
+    Some(fit)
+}
+
+/// How much a brightness (in units of fat) is muscle rather than gland or fat: 1 at none.
+fn muscle_like(brightness: f32) -> f32 {
+    (1.0 - brightness / FAT_ABOVE).max(0.0)
+}
+
+/// The surface from bright outside to dark inside that is smoothest, near the prior.
+fn search_front(
+    polar: &Polar,
+    work: &Volume<f32>,
+    tissue: &Volume<f32>,
+    prior: &[f32],
+    surface: &[f32],
+) -> Vec<f32> {
+    let n_offset = (2.0 * BAND_MM / STEP_MM) as usize + 1;
+    let (inner, outer) = (5usize, 17usize);
+    let to_voxel = work.grid.to_voxel();
+    let mut cost = vec![0.0f32; polar.len() * n_offset];
+    cost.par_chunks_mut(n_offset).enumerate().for_each(|(column, cost)| {
+        let start = f64::from(prior[column]) - BAND_MM;
+        // Brightness along the ray; outside of the body it counts as fat, to bear thin layers.
+        let profile: Vec<f32> = (0..n_offset + inner + outer)
+            .map(|n| {
+                let radius = start + (n as f64 - inner as f64) * STEP_MM;
+                let voxel = to_voxel.apply(&polar.point(column, radius.max(0.0)));
+                let in_body = sample_clamped(tissue, &voxel) > 0.5;
+                if in_body { sample_clamped(work, &voxel).clamp(0.0, 1.0) } else { 1.0 }
+            })
+            .collect();
+        let mean = |range: std::ops::Range<usize>| {
+            profile[range.clone()].iter().sum::<f32>() / range.len() as f32
+        };
+        for (n, cost) in cost.iter_mut().enumerate() {
+            let at = n + inner;
+            let edge = mean(at + 1..at + 5) - mean(at - 4..at);
+            let muscle_outside = profile[at + 1..at + outer].iter().map(|b| muscle_like(*b));
+            let dark_outside = muscle_outside.sum::<f32>() / (outer - 1) as f32;
+            let radius = start + n as f64 * STEP_MM;
+            let off = ((radius - f64::from(prior[column])).abs() / BAND_MM) as f32;
+            *cost = 1.0 - edge.max(0.0) + 1.2 * dark_outside + 0.3 * off;
+            if radius > f64::from(surface[column]) - 4.0 {
+                *cost += 1.0;
+            }
+        }
+    });
+    let [n_u, n_v] = polar.shape;
+    let offsets = optimal_surface(&Columns { n_u, n_v, n_offset, cost }, 0.12);
+    let radius = |(column, &offset): (usize, &usize)| {
+        prior[column] + (offset as f64 * STEP_MM - BAND_MM) as f32
+    };
+    offsets.iter().enumerate().map(radius).collect()
+}
+
+/// Half-way crossing between fat and muscle on the image itself, then a smooth surface through
+/// the columns that show one. Returns radii and contrasts (0..=1).
+fn refine(polar: &Polar, fine: &Shaded, rough: &[f32]) -> (Vec<f32>, Vec<f32>) {
+    const STEP: f64 = 0.25;
+    const HALF: usize = 24;
+    let crossing = |column: usize| {
+        let at = |n: usize| f64::from(rough[column]) + (n as f64 - HALF as f64) * STEP;
+        let raw: Vec<f32> = (0..=2 * HALF)
+            .map(|n| fine.at(&polar.point(column, at(n).max(0.0))).unwrap_or(0.0).min(1.0))
+            .collect();
+        let mean = |range: std::ops::Range<usize>| {
+            raw[range.clone()].iter().sum::<f32>() / range.len() as f32
+        };
+        let (dark, bright) = (mean(HALF - 18..HALF - 4), mean(HALF + 5..HALF + 19));
+        let level = 0.5 * (dark + bright);
+        let smooth: Vec<f32> =
+            (0..=2 * HALF).map(|n| mean(n.saturating_sub(2)..(n + 3).min(raw.len()))).collect();
+        let mut best: Option<f64> = None;
+        for n in 0..2 * HALF {
+            if smooth[n] < level && smooth[n + 1] >= level {
+                let part = f64::from((level - smooth[n]) / (smooth[n + 1] - smooth[n]));
+                let radius = at(n) + part * STEP;
+                let distance = |r: f64| (r - f64::from(rough[column])).abs();
+                if best.is_none_or(|b| distance(radius) < distance(b)) {
+                    best = Some(radius);
+                }
+            }
+        }
+        let contrast = ((bright - dark - 0.15) / 0.35).clamp(0.0, 1.0);
+        best.map_or((rough[column], 0.0), |radius| (radius as f32, contrast))
+    };
+    let found: Vec<(f32, f32)> = (0..polar.len()).into_par_iter().map(crossing).collect();
+    let data: Vec<f32> = found.iter().map(|f| f.0).collect();
+    let contrast: Vec<f32> = found.iter().map(|f| f.1).collect();
+    let mut weight: Vec<f32> = contrast.iter().map(|c| c.max(0.01)).collect();
+    let mut front = data.clone();
+    for scale_mm in [8.0, 5.0, 4.0] {
+        front = smooth_map(&data, &weight, polar.shape, [4.0, 4.0]);
+        for n in 0..weight.len() {
+            let ratio = (data[n] - front[n]) / scale_mm;
+            weight[n] = contrast[n].max(0.01) * (1.0 - ratio * ratio).max(1e-3).powi(2);
+        }
+    }
+    (front, contrast)
+}
+
+/// Rear of the muscle: the first smooth surface behind the front where it gets brighter again
+/// (fat between the ribs, marrow), else [`NOMINAL_MUSCLE_MM`] behind. Returns radii and the
+/// fraction of columns that show it.
+fn search_rear(polar: &Polar, fine: &Shaded, front: &[f32], contrast: &[f32]) -> (Vec<f32>, f64) {
+    let (thinnest, n_offset) = (4usize, 15usize);
+    let thickness = |n: usize| (thinnest + n) as f32;
+    let mut cost = vec![0.0f32; polar.len() * n_offset];
+    cost.par_chunks_mut(n_offset).enumerate().for_each(|(column, cost)| {
+        let depth = |mm: f64| {
+            let radius = (f64::from(front[column]) - mm).max(0.0);
+            fine.at(&polar.point(column, radius)).unwrap_or(0.0).min(1.0)
+        };
+        let profile: Vec<f32> =
+            (0..2 * (thinnest + n_offset + 4)).map(|n| depth(0.5 * n as f64)).collect();
+        for (n, cost) in cost.iter_mut().enumerate() {
+            let at = 2 * (thinnest + n);
+            let mean = |range: std::ops::Range<usize>| {
+                profile[range.clone()].iter().sum::<f32>() / range.len() as f32
+            };
+            let edge = mean(at..at + 5) - mean(at - 5..at);
+            *cost = -edge + 0.02 * (thickness(n) - NOMINAL_MUSCLE_MM as f32).abs();
+        }
+    });
+    let [n_u, n_v] = polar.shape;
+    let offsets = optimal_surface(&Columns { n_u, n_v, n_offset, cost: cost.clone() }, 0.15);
+    let seen = |column: usize| {
+        let n = offsets[column];
+        let edge =
+            0.02 * (thickness(n) - NOMINAL_MUSCLE_MM as f32).abs() - cost[column * n_offset + n];
+        contrast[column] > 0.3 && edge > 0.15
+    };
+    let mut data = vec![NOMINAL_MUSCLE_MM as f32; polar.len()];
+    let mut weight = vec![0.01f32; polar.len()];
+    let mut n_seen = 0;
+    for column in (0..polar.len()).filter(|&c| seen(c)) {
+        data[column] = thickness(offsets[column]);
+        weight[column] = 1.0;
+        n_seen += 1;
+    }
+    let smooth = smooth_map(&data, &weight, polar.shape, [20.0, 20.0]);
+    let rear = (0..polar.len()).map(|c| front[c] - smooth[c].clamp(3.0, 20.0)).collect();
+    (rear, n_seen as f64 / polar.len() as f64)
+}
