@@ -159,3 +159,62 @@ pub(super) fn stepped(
     let shift = step.fixed_rows::<3>(3).into_owned();
     motion.then(&RigidTransform::about(pivot, &turn, &shift))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mammotwin_data::volume::Grid;
+
+    fn scene() -> (Vec<Block>, Volume<f32>) {
+        let turn = *nalgebra::Rotation3::new(Vec3::new(0.2, -0.1, 0.3)).matrix();
+        let spacing = mammotwin_data::Mat3::from_diagonal(&Vec3::new(2.0, 2.5, 3.0));
+        let grid =
+            Grid { shape: [30, 25, 20], axes: turn * spacing, origin: Vec3::new(-30., -30., -35.) };
+        let wave = |p: &Vec3, a: f64| (0.11 * p.x + a).sin() * (0.13 * p.y).cos() + 0.02 * p.z;
+        let image = |n: usize| (100.0 * wave(&grid.center(grid.voxel(n)), 0.4) + 300.0) as f32;
+        let values = (0..grid.len()).map(image).collect();
+        let block = |b: usize| {
+            let spot = |n: usize| {
+                let n = n as f64;
+                Vec3::new(7.1 * n.sin(), 6.3 * (1.7 * n).cos(), 8.9 * (0.37 * n).sin() + b as f64)
+            };
+            let points: Vec<Vec3> = (0..60).map(spot).collect();
+            let values = points.iter().map(|p| 40.0 * wave(p, 0.1 * b as f64)).collect();
+            Block { points, values, weight: 0.25 }
+        };
+        ((0..4).map(block).collect(), Volume { grid, values })
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_finite_differences() {
+        let (blocks, moving) = scene();
+        let pivot = Vec3::new(1.0, 2.0, -3.0);
+        let motion =
+            RigidTransform::about(&pivot, &Vec3::new(0.1, 0.05, -0.2), &Vec3::new(1., -2., 1.5));
+        let here = evaluate(&blocks, &moving, &motion, &pivot);
+        assert_eq!(here.overlap, 1.0);
+        let h = 1e-6;
+        for n in 0..6 {
+            let mut step = Vector6::zeros();
+            step[n] = h;
+            let at = |step: Vector6<f64>| {
+                evaluate(&blocks, &moving, &stepped(&motion, &pivot, &step), &pivot).similarity
+            };
+            let slope = (at(step) - at(-step)) / (2.0 * h);
+            let scale = here.gradient.amax();
+            assert!((slope - here.gradient[n]).abs() < 1e-6 * scale, "{n}: {slope} {here:?}");
+        }
+    }
+
+    #[test]
+    fn brightness_and_contrast_of_a_block_do_not_count() {
+        let (mut blocks, moving) = scene();
+        let here = evaluate(&blocks, &moving, &RigidTransform::identity(), &Vec3::zeros());
+        for (b, block) in blocks.iter_mut().enumerate() {
+            block.values.iter_mut().for_each(|v| *v = *v * (2.0 + b as f64) - 70.0);
+        }
+        let other = evaluate(&blocks, &moving, &RigidTransform::identity(), &Vec3::zeros());
+        assert!((here.similarity - other.similarity).abs() < 1e-12);
+        assert!((here.gradient - other.gradient).amax() < 1e-12);
+    }
+}
