@@ -66,7 +66,7 @@ pub struct Presentation {
 }
 
 impl Presentation {
-    /// White a little above the densest permille of the picture, black at 70 % of the densest.
+    /// White a little above the densest permille of the picture, black at half of the densest.
     pub fn of(signal: &Radiograph) -> Self {
         let mut sorted = attenuation(signal);
         let last = sorted.len().saturating_sub(1);
@@ -76,7 +76,7 @@ impl Presentation {
         } else {
             *sorted.select_nth_unstable_by(rank, f64::total_cmp).1
         };
-        Self { black: 0.7 * densest, white: 1.05 * densest }
+        Self { black: 0.5 * densest, white: 1.05 * densest }
     }
 }
 

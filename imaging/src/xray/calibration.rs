@@ -123,3 +123,32 @@ impl Unit {
         Ok(photons_per_mm2 * self.geometry.closer(height_mm) * of_one)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_anchor_gets_its_quanta_and_its_dose_at_any_pixel_size() {
+        for pixel_mm in [0.1, 0.2] {
+            let unit = Unit::pristina(pixel_mm, 24.0);
+            let got = calibrate(&Anchor::default(), &unit).unwrap();
+            assert!(
+                (got.quanta_per_pixel / (132.0 * 132.0 * (10.0 * pixel_mm).powi(2)) - 1.0).abs()
+                    < 1e-12
+            );
+            let dose = average_glandular_dose(got.kerma_mgy, 46.0, 0.2, &unit.dose_beam).unwrap();
+            assert!((dose.agd_mgy / 1.15 - 1.0).abs() < 1e-12);
+            // Half of the photons behind the breast are counted: a grid and a CsI layer do that.
+            assert!((got.efficiency - 0.478).abs() < 0.002, "{got:?}");
+            assert!((got.kerma_mgy - 3.194).abs() < 0.002, "{got:?}");
+        }
+    }
+
+    #[test]
+    fn more_quanta_than_photons_are_refused() {
+        let anchor = Anchor { snr: 200.0, ..Anchor::default() };
+        let refused = calibrate(&anchor, &Unit::pristina(0.1, 24.0));
+        assert!(matches!(refused, Err(CalibrationError::Efficiency { .. })));
+    }
+}

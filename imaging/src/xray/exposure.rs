@@ -120,3 +120,134 @@ fn mean_behind(projection: &Projection, share: &Radiograph, thickness_mm: f64) -
     }
     (count > 0).then(|| sum / count as f64)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xray::{
+        attenuation::Material,
+        calcification::sphere,
+        calibration::{Anchor, calibrate},
+        detector::Detector,
+        geometry::Geometry,
+        phantom::Calcification,
+        placement::Site,
+        project::project,
+        shapes::cuboid,
+        spectrum::Spectrum,
+    };
+    use mammotwin_data::{Vec3, surface::TriMesh};
+
+    fn unit() -> Unit {
+        let geometry = Geometry { source_height_mm: 660.0, columns: 240, rows: 160, pitch_mm: 0.5 };
+        Unit { geometry, ..Unit::pristina(0.5, 24.0) }
+    }
+
+    fn slab(thickness_mm: f64, calcifications: Vec<Calcification>) -> Phantom {
+        Phantom {
+            surface: cuboid([-90.0, -50.0, 0.0], [90.0, 120.0, thickness_mm]),
+            thickness_mm,
+            tissue: Material::breast(0.2).unwrap(),
+            calcium: Material::calcification().unwrap(),
+            calcifications,
+        }
+    }
+
+    #[test]
+    fn a_slab_transmits_as_beer_and_lambert_say() {
+        let (unit, phantom) = (unit(), slab(46.0, vec![]));
+        let projection = project(&phantom, &unit.geometry).unwrap();
+        let got = transmission(&phantom, &projection, &unit).unwrap();
+        let mu = Material::breast(0.2).unwrap().attenuation_per_mm(24.0).unwrap();
+        for (row, column) in [(0, 120), (0, 0), (159, 239), (80, 60)] {
+            let [x, y] = unit.geometry.pixel_mm(row, column);
+            let secant = (1.0 + (x * x + y * y) / (660.0 * 660.0)).sqrt();
+            let exact = (-mu * 46.0 * secant).exp() / secant.powi(3);
+            let error = f64::from(got.at(row, column)) / exact - 1.0;
+            assert!(error.abs() < 5e-6, "{row} {column}: {error}");
+        }
+    }
+
+    #[test]
+    fn two_energies_add_their_photons() {
+        let (mut unit, phantom) = (unit(), slab(46.0, vec![]));
+        let projection = project(&phantom, &unit.geometry).unwrap();
+        let of = |unit: &Unit| transmission(&phantom, &projection, unit).unwrap().at(3, 99);
+        let lines = [17.0, 30.0].map(|energy_kev| {
+            unit.spectrum = Spectrum::mono(energy_kev);
+            of(&unit)
+        });
+        unit.spectrum = Spectrum::mono(17.0);
+        unit.spectrum.lines.extend(Spectrum::mono(30.0).lines);
+        unit.spectrum.lines.iter_mut().zip([0.25, 0.75]).for_each(|(l, share)| l.share = share);
+        assert!((of(&unit) / (0.25 * lines[0] + 0.75 * lines[1]) - 1.0).abs() < 1e-6);
+    }
+
+    /// Photons that a grain of volume V takes away: T Δµ V M² / slant, while Δµ d is small.
+    #[test]
+    fn a_calcification_takes_away_what_its_volume_does() {
+        let (radius, center) = (0.15, Vec3::new(11.0, 40.0, 23.0));
+        let points = sphere(4).points.iter().map(|p| center + radius * p).collect();
+        let surface = TriMesh { points, triangles: sphere(4).triangles };
+        let site = Site { row: 0, column: 0, center };
+        let grain = Calcification { site, diameter_mm: 2.0 * radius, surface };
+        let geometry = Geometry { columns: 400, rows: 500, pitch_mm: 0.1, ..unit().geometry };
+        let unit = Unit { geometry, ..unit() };
+        let pictures = [vec![], vec![grain]].map(|grains| {
+            let phantom = slab(46.0, grains);
+            let projection = project(&phantom, &unit.geometry).unwrap();
+            transmission(&phantom, &projection, &unit).unwrap()
+        });
+        let of = |n: usize| -> f64 { pictures[n].pixels.iter().map(|&p| f64::from(p)).sum() };
+        let lost = (of(0) - of(1)) * 0.01;
+        let more = Material::calcification().unwrap().attenuation_per_mm(24.0).unwrap()
+            - Material::breast(0.2).unwrap().attenuation_per_mm(24.0).unwrap();
+        let shadow = unit.geometry.shadow_mm(&center);
+        let [column, row] = [shadow[0] - unit.geometry.left_mm(), shadow[1]].map(|s| s / 0.1);
+        let through = f64::from(pictures[0].at(row as usize, column.round() as usize));
+        let magnification: f64 = 660.0 / 637.0;
+        let slant = 660.0 / unit.geometry.ray_mm(shadow);
+        let volume = 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
+        // ∫ 1 - exp(-Δµ l) over the chords of a sphere: 1 - 3/8 Δµ d + ... of the linear value.
+        let d = 2.0 * radius;
+        let saturation = 1.0 - 0.375 * more * d + 0.1 * (more * d).powi(2);
+        let exact = through * more * volume * magnification.powi(2) / slant * saturation;
+        assert!((lost / exact - 1.0).abs() < 5e-3, "{lost} {exact}");
+    }
+
+    #[test]
+    fn automatic_exposure_holds_the_signal_and_fixed_the_photons() {
+        let unit =
+            Unit { detector: Detector { scintillator: None, ..Detector::essential() }, ..unit() };
+        let calibration = calibrate(&Anchor::default(), &unit).unwrap();
+        for thickness in [30.0, 46.0, 60.0] {
+            let phantom = slab(thickness, vec![]);
+            let projection = project(&phantom, &unit.geometry).unwrap();
+            let shot =
+                |control| expose(&phantom, &projection, &unit, &calibration, control, 1).unwrap();
+            let automatic = shot(study::Exposure::Automatic);
+            let count = automatic.signal.pixels.len() as f64;
+            let mean = automatic.signal.pixels.iter().map(|&p| f64::from(p)).sum::<f64>() / count;
+            assert!(
+                (mean / calibration.quanta_per_pixel - 1.0).abs() < 1e-4,
+                "{thickness}: {mean}"
+            );
+            let fixed = shot(study::Exposure::Fixed);
+            assert_eq!(fixed.photons_per_mm2, calibration.photons_per_mm2);
+            let kerma = calibration.kerma_mgy * ((660.0 - 46.0f64) / (660.0 - thickness)).powi(2);
+            assert!((fixed.kerma_mgy / kerma - 1.0).abs() < 1e-12);
+            assert_eq!(automatic.photons_per_mm2 > fixed.photons_per_mm2, thickness > 45.0);
+        }
+    }
+
+    #[test]
+    fn automatic_exposure_needs_a_breast() {
+        let unit = unit();
+        let calibration = calibrate(&Anchor::default(), &unit).unwrap();
+        let mut phantom = slab(46.0, vec![]);
+        phantom.surface = cuboid([-90.0, -50.0, 0.0], [90.0, -1.0, 46.0]);
+        let projection = project(&phantom, &unit.geometry).unwrap();
+        let got = expose(&phantom, &projection, &unit, &calibration, study::Exposure::Automatic, 1);
+        assert_eq!(got, Err(ExposureError::NothingBehind { thickness_mm: 46.0 }));
+    }
+}

@@ -32,20 +32,17 @@ impl Scintillator {
         (!points.is_empty()).then(|| Self { name: name.into(), points })
     }
 
-    /// Transfer at a frequency (line pairs per mm): between the points the logarithm is linear in
-    /// the square of the frequency (a Gaussian), and beyond the last point it goes on.
+    /// Transfer at a frequency (line pairs per mm): exp(-f²/q(f)) with the polynomial q that meets
+    /// all points. It is a Gaussian at low frequencies, as a spread of finite width must be, and
+    /// smooth, so that the spread dies away within a few pixels.
     pub fn transfer(&self, frequency: f64) -> f64 {
-        let mut from = [0.0, 0.0];
-        let mut slope = 0.0;
-        for [f, value] in &self.points {
-            let to = [f * f, value.ln()];
-            slope = (to[1] - from[1]) / (to[0] - from[0]);
-            if frequency <= *f {
-                break;
-            }
-            from = to;
-        }
-        (from[1] + slope * (frequency * frequency - from[0])).exp()
+        let lagrange = |(n, [f, value]): (usize, &[f64; 2])| {
+            let others = self.points.iter().enumerate().filter(|(m, _)| *m != n);
+            let basis: f64 = others.map(|(_, [g, _])| (frequency - g) / (f - g)).product();
+            -f * f / value.ln() * basis
+        };
+        let q: f64 = self.points.iter().enumerate().map(lagrange).sum();
+        (-frequency * frequency / q).exp()
     }
 
     /// Transfer of scintillator and pixel aperture together.
@@ -127,4 +124,97 @@ impl Spread {
 /// The same picture without pixels.
 fn frame(picture: &Radiograph) -> Radiograph {
     Radiograph { pixels: Vec::new(), quantity: picture.quantity.clone(), ..*picture }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn essential() -> Scintillator {
+        Scintillator::published("GE_Senographe_Essential").unwrap()
+    }
+
+    #[test]
+    fn published_points_are_reproduced_with_the_pixel_aperture() {
+        for (frequency, value) in [(0.0, 1.0), (1.0, 0.85), (2.0, 0.59), (4.0, 0.24)] {
+            assert!((essential().presampled(frequency, 0.1) - value).abs() < 1e-12);
+        }
+        let curve: Vec<f64> = (0..100).map(|n| essential().transfer(0.1 * n as f64)).collect();
+        assert!(curve.windows(2).all(|pair| pair[1] < pair[0]));
+        assert!(Scintillator::published("Pristina").is_none());
+    }
+
+    /// Presampled transfer as IEC 62220-1 measures it: a straight edge, slanted to the pixels,
+    /// gives an edge profile finer than the pixels; its derivative's spectrum is the transfer.
+    #[test]
+    fn a_slanted_edge_measures_the_published_curve() {
+        let (columns, rows, pitch_mm, slope) = (128usize, 300usize, 0.1, 0.0437);
+        // Exact share of each pixel on the bright side of x = x0 + slope y.
+        let covered = |row: usize, column: usize| {
+            let fine = 64;
+            let share = |k: usize| {
+                let y = row as f64 + (k as f64 + 0.5) / fine as f64 - 0.5;
+                (column as f64 + 0.5 - (55.27 + slope * y)).clamp(0.0, 1.0)
+            };
+            (0..fine).map(share).sum::<f64>() / fine as f64
+        };
+        let pixels =
+            (0..rows * columns).map(|n| 1e4 * covered(n / columns, n % columns) as f32).collect();
+        let edge = Radiograph {
+            columns,
+            rows,
+            pitch_mm,
+            left_mm: 0.0,
+            first_row_mm: 0.0,
+            pixels,
+            quantity: "edge".into(),
+        };
+        let blurred = essential().spread(pitch_mm).apply(&edge);
+        // Mean of the signal in bins of a tenth of a pixel across the edge.
+        let (bins, per_pixel) = (800usize, 10.0);
+        let mut profile = vec![(0.0, 0usize); bins];
+        for n in 10 * columns..(rows - 10) * columns {
+            let (row, column) = ((n / columns) as f64, (n % columns) as f64);
+            let across = (column - 55.27 - slope * row) / (1.0f64 + slope * slope).sqrt();
+            let bin = (across * per_pixel).floor() + bins as f64 / 2.0;
+            if (0.0..bins as f64).contains(&bin) {
+                let (sum, count) = &mut profile[bin as usize];
+                *sum += f64::from(blurred.pixels[n]);
+                *count += 1;
+            }
+        }
+        assert!(profile.iter().all(|bin| bin.1 > 0));
+        let profile: Vec<f64> = profile.iter().map(|(sum, count)| sum / *count as f64).collect();
+        let measured = |frequency: f64| {
+            let (mut re, mut im) = (0.0, 0.0);
+            for (n, pair) in profile.windows(2).enumerate() {
+                let phase = 2.0 * PI * frequency * n as f64 * pitch_mm / per_pixel;
+                re += (pair[1] - pair[0]) * phase.cos();
+                im += (pair[1] - pair[0]) * phase.sin();
+            }
+            // Bins and differences are apertures of their own.
+            let own = aperture(frequency, pitch_mm / per_pixel).powi(2);
+            f64::hypot(re, im) / 1e4 / own
+        };
+        for frequency in [0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 4.5] {
+            let (got, wanted) = (measured(frequency), essential().presampled(frequency, pitch_mm));
+            assert!((got - wanted).abs() < 0.005, "{frequency} lp/mm: {got} {wanted}");
+        }
+    }
+
+    #[test]
+    fn a_flat_picture_stays_flat_to_its_border() {
+        let flat = Radiograph {
+            columns: 30,
+            rows: 20,
+            pitch_mm: 0.1,
+            left_mm: 0.0,
+            first_row_mm: 0.0,
+            pixels: vec![17_424.0; 600],
+            quantity: "flat".into(),
+        };
+        let spread = essential().spread(0.1);
+        assert!(spread.apply(&flat).pixels.iter().all(|p| (p / 17_424.0 - 1.0).abs() < 1e-5));
+        assert!((0.1..0.4).contains(&spread.noise_power()), "{}", spread.noise_power());
+    }
 }

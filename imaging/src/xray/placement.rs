@@ -147,3 +147,39 @@ fn clearance(window: &Window, touches: impl Fn(usize) -> bool) -> Vec<u32> {
     }
     steps
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xray::shapes::{cuboid, half_cylinder};
+
+    fn plan(rows: usize, columns: usize) -> CalcificationPlan {
+        CalcificationPlan { rows, columns, ..CalcificationPlan::default() }
+    }
+
+    #[test]
+    fn the_matrix_is_in_the_middle_of_a_box_in_front_of_the_edge() {
+        let block = cuboid([-30.0, -50.0, 0.0], [70.0, 90.0, 46.0]);
+        let sites = sites(&block, 46.0, &plan(7, 3)).unwrap();
+        assert_eq!(sites.len(), 21);
+        // Rows span 60 of 90 mm, columns 20 of 100 mm: free by 15 mm along y, anywhere along x.
+        let first = sites[0];
+        assert_eq!((first.row, first.column), (0, 0));
+        assert!((first.center.y - 15.0).abs() <= 1.0, "{first:?}");
+        assert!(sites.iter().all(|s| s.center.z == 23.0 && (-15.0..=55.0).contains(&s.center.x)));
+        let step = sites[20].center - first.center;
+        assert_eq!(step, Vec3::new(20.0, 60.0, 0.0));
+    }
+
+    #[test]
+    fn what_finds_no_tissue_is_left_out() {
+        let breast = half_cylinder(50.0, 0.0, 46.0, 180);
+        let sites = sites(&breast, 46.0, &plan(7, 3)).unwrap();
+        assert!(!sites.is_empty() && sites.len() < 21, "{}", sites.len());
+        assert!(sites.iter().all(|s| s.center.xy().norm() < 51.0 && s.center.y > 0.0));
+        let behind = cuboid([-30.0, -90.0, 0.0], [30.0, -1.0, 46.0]);
+        assert!(super::sites(&behind, 46.0, &plan(7, 3)).unwrap().is_empty());
+        let thin = cuboid([-30.0, -90.0, 0.0], [30.0, 90.0, 20.0]);
+        assert!(super::sites(&thin, 46.0, &plan(7, 3)).unwrap().is_empty());
+    }
+}

@@ -175,3 +175,74 @@ pub fn summary(regions: &[RoiQuality], of: impl Fn(&RoiQuality) -> f64) -> Optio
     let squares: f64 = regions.iter().map(|r| (of(r) - mean).powi(2)).sum();
     Some(Summary { mean, sd: (squares / (count - 1.0).max(1.0)).sqrt() })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::xray::detector::draw;
+
+    const SITE: Site = Site { row: 0, column: 0, center: Vec3::new(0.0, 0.0, 0.0) };
+
+    fn detector() -> Geometry {
+        Geometry { source_height_mm: 660.0, columns: 201, rows: 200, pitch_mm: 0.1 }
+    }
+
+    /// Value by (x, y) in mm.
+    fn picture(value: impl Fn(f64, f64) -> f64) -> Radiograph {
+        let detector = detector();
+        let pixels = (0..detector.rows * detector.columns).map(|n| {
+            let [x, y] = detector.pixel_mm(n / detector.columns, n % detector.columns);
+            value(x, y) as f32
+        });
+        detector.picture(pixels.collect(), "signal")
+    }
+
+    /// A disc of contrast C in noise σ: SDNR = C/σ, SNR = S/σ.
+    #[test]
+    fn a_disc_in_noise_has_its_closed_form() {
+        let center = [0.03, 10.02];
+        let disc = |x: f64, y: f64| (x - center[0]).hypot(y - center[1]) <= 1.0;
+        let quanta = |x, y| if disc(x, y) { 9_000.0 } else { 10_000.0 };
+        let got = roi(&draw(&picture(quanta), 1), SITE, center, 1.0).unwrap();
+        assert!(got.pixels.abs_diff(314) < 5, "{}", got.pixels);
+        for noise in [got.printed, got.detrended] {
+            assert!((noise.sdnr - 10.0).abs() < 0.3, "{noise:?}");
+            assert!((noise.snr - 100.0).abs() < 2.0, "{noise:?}");
+        }
+    }
+
+    #[test]
+    fn the_printed_sigma_holds_a_slope_and_the_detrended_does_not() {
+        let (center, slope) = ([0.0, 10.0], 40.0);
+        let checker = |x: f64, y: f64| {
+            if ((x / 0.1).round() + (y / 0.1).round()).rem_euclid(2.0) < 0.5 { 5.0 } else { -5.0 }
+        };
+        let tilted = picture(|x, y| 10_000.0 + slope * (y - 10.0) + checker(x, y));
+        let got = roi(&tilted, SITE, center, 0.15).unwrap();
+        // 100 x 101 pixels: a slope over n steps of p has the variance (n² - 1) p² / 12.
+        let ramp = slope * slope * (100.0f64.powi(2) - 1.0) * 0.01 / 12.0;
+        assert!((got.printed.sigma / (ramp + 25.0).sqrt() - 1.0).abs() < 1e-3, "{got:?}");
+        assert!((got.detrended.sigma - 5.0).abs() < 0.01, "{got:?}");
+        assert!((got.detrended.snr / (10_000.0 / 5.0) - 1.0).abs() < 3e-3);
+    }
+
+    #[test]
+    fn regions_are_cut_at_the_edge_of_the_detector_and_refused_beside_it() {
+        let flat = picture(|x, _| if x > 9.0 { 3.0 } else { 1.0 });
+        let cut = roi(&flat, SITE, [9.5, 1.0], 0.1).unwrap();
+        assert_eq!((cut.calcification, cut.pixels), (3.0, 2));
+        assert!((1.0..3.0).contains(&cut.background));
+        let beside = roi(&flat, SITE, [40.0, 5.0], 0.1);
+        assert!(matches!(beside, Err(QualityError::TooFew { background: 0, .. })));
+    }
+
+    #[test]
+    fn mean_and_deviation() {
+        let flat = picture(|x, y| 100.0 + x + y);
+        let regions = [[-3.0, 10.0], [0.0, 10.0], [3.0, 10.0]]
+            .map(|center| roi(&flat, SITE, center, 0.2).unwrap());
+        let got = summary(&regions, |r| r.calcification).unwrap();
+        assert!((got.mean - 110.0).abs() < 0.06 && (got.sd - 3.0).abs() < 0.06, "{got:?}");
+        assert_eq!(summary(&[], |r| r.background), None);
+    }
+}
