@@ -19,7 +19,7 @@ use mammotwin_data::{
 use mammotwin_solver::{
     materials::Law,
     model::Model,
-    terms::{Bulk, Cable, Gravity, Membrane, Sliding, Target},
+    terms::{Bulk, Cable, Cables, Gravity, Membrane, Sliding, Target},
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
