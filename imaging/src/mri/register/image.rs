@@ -2,9 +2,9 @@
 
 use super::{
     Options, RegisterError, Registration, Search, Uncertainty, mask,
-    optimise::{Optimum, Problem},
-    pyramid::level,
-    samples::{Block, blocks},
+    optimise::{Level, Optimum},
+    pyramid,
+    samples::samples,
 };
 use mammotwin_data::{
     Vec3,
@@ -16,6 +16,8 @@ use nalgebra::Matrix6;
 
 /// Spacing of the wide search (mm).
 const SEARCH_MM: f64 = 10.0;
+/// Part of an image's mean below which its logarithm flattens.
+const FLOOR: f32 = 0.5;
 /// Least part of the mask that must lie in the moving image.
 const LEAST_OVERLAP: f64 = 0.3;
 
@@ -43,40 +45,52 @@ pub fn register(
         });
     }
     let center = mask::center(reference_mask).ok_or(RegisterError::NoStructure)?;
-    let compare = |spacing_mm: f64| {
-        Level::new(reference, reference_mask, moving, center, spacing_mm, options)
+    let floor = |image: &Volume<f32>| FLOOR * mean(image);
+    let level = |spacing_mm: f64| -> Result<Level, RegisterError> {
+        let refuse = |remedy| Err(RegisterError::Level { spacing_mm, remedy });
+        if !(spacing_mm > 0.0 && options.block_mm > 0.0) {
+            return refuse("levels_mm and block_mm must be positive");
+        }
+        let block_mm = options.block_mm.max(8.0 * spacing_mm);
+        let reference = pyramid::level(reference, spacing_mm, floor(reference));
+        let samples = samples(&reference, reference_mask, block_mm, options.points)?;
+        let moving = pyramid::level(moving, spacing_mm, floor(moving));
+        if moving.grid.shape.iter().any(|&n| n < 2) {
+            return refuse("the moving image is too thin: give a whole scan");
+        }
+        Ok(Level { samples, moving, center, spacing_mm })
     };
     let mut motion = start.inverse();
     let mut iterations = 0;
     if options.search == Search::Wide {
         progress.report(0.0, "searching the position");
-        let best = wide_search(&compare(SEARCH_MM)?.problem(), &motion);
+        let best = wide_search(&level(SEARCH_MM)?, &motion);
         iterations += best.iterations;
         motion = best.motion;
     }
-    let mut fine = None;
+    let mut last = None;
     for (n, &spacing_mm) in options.levels_mm.iter().enumerate() {
         let done = (n + 1) as f64 / (options.levels_mm.len() + 1) as f64;
         progress.report(done, &format!("registering at {spacing_mm} mm"));
-        let level = compare(spacing_mm)?;
-        let best = level.problem().climb(&motion, options.iterations);
+        let level = level(spacing_mm)?;
+        let best = level.climb(&motion, options.iterations);
         iterations += best.iterations;
         motion = best.motion;
-        fine = Some((level, best));
+        last = Some((level, best));
     }
-    let Some((level, best)) = fine else {
+    let Some((level, best)) = last else {
         let remedy = "give at least one level";
         return Err(RegisterError::Level { spacing_mm: f64::NAN, remedy });
     };
-    if !(best.evaluation.overlap >= LEAST_OVERLAP) {
-        return Err(RegisterError::NoOverlap { percent: 100.0 * best.evaluation.overlap });
+    if !(best.overlap >= LEAST_OVERLAP) {
+        return Err(RegisterError::NoOverlap { percent: 100.0 * best.overlap });
     }
     Ok(Registration {
         transform: motion.inverse(),
         landmark_rms_mm: None,
-        similarity_before: level.problem().at(&start.inverse()).similarity,
+        similarity_before: level.stay(&start.inverse()).evaluation.similarity,
         similarity_after: best.evaluation.similarity,
-        overlap: best.evaluation.overlap,
+        overlap: best.overlap,
         iterations,
         center,
         uncertainty: uncertainty(&best).ok_or(RegisterError::NoStructure)?,
@@ -89,53 +103,23 @@ fn same_place(a: &Grid, b: &Grid) -> bool {
     a.shape == b.shape && far < 1e-3
 }
 
-/// What is compared on a level, owned.
-struct Level {
-    blocks: Vec<Block>,
-    moving: Volume<f32>,
-    center: Vec3,
-    spacing_mm: f64,
-}
-
-impl Level {
-    fn new(
-        reference: &Volume<f32>,
-        mask: &Volume<bool>,
-        moving: &Volume<f32>,
-        center: Vec3,
-        spacing_mm: f64,
-        options: &Options,
-    ) -> Result<Self, RegisterError> {
-        let refuse = |remedy| Err(RegisterError::Level { spacing_mm, remedy });
-        if !(spacing_mm > 0.0 && options.block_mm > 0.0) {
-            return refuse("levels_mm and block_mm must be positive");
-        }
-        let block_mm = options.block_mm.max(8.0 * spacing_mm);
-        let blocks = blocks(&level(reference, spacing_mm), mask, block_mm, options.points)?;
-        let moving = level(moving, spacing_mm);
-        if moving.grid.shape.iter().any(|&n| n < 2) {
-            return refuse("the moving image is too thin: give a whole scan");
-        }
-        Ok(Self { blocks, moving, center, spacing_mm })
-    }
-
-    fn problem(&self) -> Problem<'_> {
-        let Self { blocks, moving, center, spacing_mm } = self;
-        Problem { blocks, moving, center: *center, spacing_mm: *spacing_mm }
-    }
+/// Mean of the positive values.
+fn mean(image: &Volume<f32>) -> f32 {
+    let sum: f64 = image.values.iter().map(|&v| f64::from(v.max(0.0))).sum();
+    (sum / image.values.len() as f64) as f32
 }
 
 /// Climbs from turns about z and shifts along the body, on a coarse level; the best end wins.
-fn wide_search(problem: &Problem, start: &RigidTransform) -> Optimum {
-    let pivot = start.point(&problem.center);
-    let mut best = problem.climb(start, 12);
+fn wide_search(level: &Level, start: &RigidTransform) -> Optimum {
+    let pivot = start.point(&level.center);
+    let mut best = level.climb(start, 12);
     let mut iterations = best.iterations;
     for degrees in (-60..=60).step_by(15) {
         for shift_mm in [-25.0, 0.0, 25.0] {
             let turn = Vec3::new(0.0, 0.0, f64::from(degrees).to_radians());
             let shift = Vec3::new(0.0, 0.0, shift_mm);
             let from = start.then(&RigidTransform::about(&pivot, &turn, &shift));
-            let end = problem.climb(&from, 12);
+            let end = level.climb(&from, 12);
             iterations += end.iterations;
             if end.evaluation.similarity > best.evaluation.similarity {
                 best = end;

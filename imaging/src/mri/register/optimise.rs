@@ -1,7 +1,7 @@
 //! Levenberg-Marquardt ascent of the similarity.
 
 use super::{
-    samples::Block,
+    samples::{Block, Sample, covered},
     similarity::{Evaluation, evaluate, stepped},
 };
 use mammotwin_data::{Vec3, rigid::RigidTransform, volume::Volume};
@@ -11,9 +11,9 @@ use nalgebra::{Matrix6, Vector6};
 const LEVER_MM: f64 = 100.0;
 
 /// What is compared on a level.
-pub(super) struct Problem<'a> {
-    pub blocks: &'a [Block],
-    pub moving: &'a Volume<f32>,
+pub(super) struct Level {
+    pub samples: Vec<Sample>,
+    pub moving: Volume<f32>,
     /// Centre of the mask (mm, reference).
     pub center: Vec3,
     /// Distance of points (mm).
@@ -25,26 +25,37 @@ pub(super) struct Optimum {
     /// From reference to moving.
     pub motion: RigidTransform,
     pub evaluation: Evaluation,
+    /// Covered part of the samples, by weight.
+    pub overlap: f64,
     pub iterations: usize,
 }
 
-impl Problem<'_> {
+impl Level {
     /// Similarity at a motion (reference to moving), about the moved centre.
-    pub fn at(&self, motion: &RigidTransform) -> Evaluation {
-        evaluate(self.blocks, self.moving, motion, &motion.point(&self.center))
+    fn evaluate(&self, blocks: &[Block], motion: &RigidTransform) -> Evaluation {
+        evaluate(blocks, &self.moving, motion, &motion.point(&self.center))
+    }
+
+    /// The motion as it is.
+    pub fn stay(&self, motion: &RigidTransform) -> Optimum {
+        self.climb(motion, 0)
     }
 
     /// Climbs from `start` until a step is shorter than a five-hundredth of the spacing.
+    ///
+    /// The points that are compared are those that the moving image covers at the start.
     pub fn climb(&self, start: &RigidTransform, most: usize) -> Optimum {
-        let mut best = Optimum { motion: *start, evaluation: self.at(start), iterations: 0 };
+        let blocks = covered(&self.samples, &self.moving, start);
+        let overlap = blocks.iter().map(|block| block.weight).sum();
+        let evaluation = self.evaluate(&blocks, start);
+        let mut best = Optimum { motion: *start, evaluation, overlap, iterations: 0 };
         let mut damping = 1e-3;
         while best.iterations < most {
             best.iterations += 1;
             let Some(step) = self.step(&best.evaluation, damping) else { break };
             let motion = stepped(&best.motion, &best.motion.point(&self.center), &step);
-            let evaluation = self.at(&motion);
-            let better = evaluation.similarity > best.evaluation.similarity;
-            if better {
+            let evaluation = self.evaluate(&blocks, &motion);
+            if evaluation.similarity > best.evaluation.similarity {
                 (best.motion, best.evaluation) = (motion, evaluation);
                 damping = (damping * 0.2).max(1e-9);
             } else {

@@ -6,12 +6,13 @@ use mammotwin_data::{
 };
 use rayon::prelude::*;
 
-/// The image averaged over whole voxels up to a spacing, then by (1, 2, 1)/4 along each axis.
+/// log(image + floor), averaged over whole voxels up to a spacing, then by (1, 2, 1)/4 along
+/// each axis. The averages are of the image, the logarithm is taken of them.
 ///
 /// Each output voxel is computed alone: the result does not depend on the number of threads.
-pub(super) fn level(image: &Volume<f32>, spacing_mm: f64) -> Volume<f32> {
-    let averaged = average(image, spacing_mm);
-    (0..3).fold(averaged, smooth)
+pub(super) fn level(image: &Volume<f32>, spacing_mm: f64, floor: f32) -> Volume<f32> {
+    let smoothed = (0..3).fold(average(image, spacing_mm), smooth);
+    smoothed.map(|v| (v.max(0.0) + floor.max(f32::MIN_POSITIVE)).ln())
 }
 
 /// Means over blocks of voxels that are no longer than `spacing_mm`.
@@ -85,7 +86,7 @@ mod tests {
         let grid = Grid::aligned([23, 17, 12], [0.9, 1.1, 2.5], Vec3::new(-7.0, 3.0, 11.0));
         let plane = |p: &Vec3| (3.0 * p.x - 2.0 * p.y + 0.5 * p.z) as f32;
         let values = (0..grid.len()).map(|n| plane(&grid.center(grid.voxel(n)))).collect();
-        let coarse = level(&Volume { grid, values }, 3.0);
+        let coarse = (0..3).fold(average(&Volume { grid, values }, 3.0), smooth);
         assert_eq!(coarse.grid.shape, [7, 8, 12]);
         let worst = (0..coarse.grid.len())
             .map(|n| (coarse.values[n] - plane(&coarse.grid.center(coarse.grid.voxel(n)))).abs())
