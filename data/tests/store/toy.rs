@@ -8,15 +8,33 @@ use mammotwin_data::{
     },
 };
 use serde::Serialize;
-use std::{fs, path::Path};
+use std::{
+    collections::BTreeMap,
+    fs,
+    io::Write,
+    path::{Path, PathBuf},
+};
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Text(pub String);
 
 impl Artifact for Text {
     const EXTENSION: &'static str = "txt";
+    /// Letter by letter and slowly if `TOY_SLOW` is set, so that it can be interrupted; the disk
+    /// is full at a `!`.
     fn save(&self, path: &Path) -> Result<(), Failure> {
-        fs::write(path, &self.0).map_err(|cause| Failure::io(path, cause))
+        let slow = std::env::var_os("TOY_SLOW").is_some();
+        let mut file = fs::File::create(path).map_err(|cause| Failure::io(path, cause))?;
+        for letter in self.0.bytes() {
+            if letter == b'!' {
+                return Err(Failure::io(path, "no space left on device"));
+            }
+            if slow {
+                std::thread::sleep(std::time::Duration::from_millis(2));
+            }
+            file.write_all(&[letter]).map_err(|cause| Failure::io(path, cause))?;
+        }
+        file.sync_all().map_err(|cause| Failure::io(path, cause))
     }
     fn load(path: &Path) -> Result<Self, Failure> {
         fs::read_to_string(path).map(Self).map_err(|cause| Failure::io(path, cause))
@@ -125,7 +143,7 @@ impl Study {
         Store::open(&self.folder.path().join("out"))
     }
 
-    pub fn file(&self, name: &str) -> std::path::PathBuf {
+    pub fn file(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
@@ -137,6 +155,36 @@ impl Study {
 
     pub fn run(&self) -> Pass<Stored<Text>> {
         self.run_with(&Silent).unwrap()
+    }
+
+    /// Content of all results, by place below the cache.
+    pub fn results(&self) -> BTreeMap<PathBuf, Vec<u8>> {
+        let mut found = BTreeMap::new();
+        for path in self.files() {
+            let name = path.file_name().unwrap().to_str().unwrap();
+            if name.starts_with("result.") || name == "key.json" {
+                let place = path.strip_prefix(self.folder.path()).unwrap();
+                found.insert(place.to_owned(), fs::read(&path).unwrap());
+            }
+        }
+        found
+    }
+
+    /// All files of results, sorted.
+    pub fn files(&self) -> Vec<PathBuf> {
+        fn visit(folder: &Path, found: &mut Vec<PathBuf>) {
+            for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+                match entry.path() {
+                    path if path.is_dir() => visit(&path, found),
+                    path => found.push(path),
+                }
+            }
+        }
+        let mut found = Vec::new();
+        visit(&self.folder.path().join("out/cache"), &mut found);
+        found.retain(|path| path.file_name().unwrap() != "hashes.json");
+        found.sort();
+        found
     }
 
     pub fn plan(&self) -> Pass<Stored<Text>> {
