@@ -26,7 +26,30 @@ pub enum Command {
     Run(RunArguments),
     /// How each stage stands: fresh, stale, missing, running, failed, damaged, edited by hand
     Status(ReadArguments),
+    /// Which field of a stage's key changed: old -> new
+    #[command(after_help = "Example:\n  mammotwin explain study.toml segment:prone")]
+    Explain(ExplainArguments),
+    /// Look at the study and its images before any long work
+    #[command(after_help = CHECK_HELP)]
+    Check(ReadArguments),
+    /// Read all results again and compare them with what was stored
+    Verify(StudyArguments),
+    /// Drop results that the study does not need any more
+    #[command(after_help = GC_HELP)]
+    Gc(GcArguments),
+    /// What a file holds: NIfTI image or labels, landmarks, results
+    #[command(after_help = "Example:\n  mammotwin inspect prone.nii.gz --json")]
+    Inspect(InspectArguments),
 }
+
+const CHECK_HELP: &str = "\
+Looked at: every file is there and readable, landmarks lie inside of the image and on their side
+(a mirrored header), labels lie on the grid of the image, gravity agrees with the landmarks.
+Exits with 65 when something is wrong.";
+
+const GC_HELP: &str = "\
+Kept are the results of the study as it is now, results whose need is not known before other
+stages ran, and everything outside of the cache. One output folder serves one study.";
 
 const RUN_EXAMPLES: &str = "\
 Examples:
@@ -60,6 +83,39 @@ pub struct ReadArguments {
     /// The study
     #[command(flatten)]
     pub study: StudyArguments,
+    /// Answer in JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A question about a stage.
+#[derive(Debug, Clone, Args)]
+pub struct ExplainArguments {
+    /// The study
+    #[command(flatten)]
+    pub study: StudyArguments,
+    /// Stage (`segment`) or one instance of it (`segment:prone`)
+    #[arg(value_name = "STAGE")]
+    pub stage: String,
+}
+
+/// What to drop.
+#[derive(Debug, Clone, Args)]
+pub struct GcArguments {
+    /// The study
+    #[command(flatten)]
+    pub study: StudyArguments,
+    /// Only say what would be dropped
+    #[arg(long)]
+    pub dry_run: bool,
+}
+
+/// A file to look at.
+#[derive(Debug, Clone, Args)]
+pub struct InspectArguments {
+    /// File
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
     /// Answer in JSON
     #[arg(long)]
     pub json: bool,

@@ -1,5 +1,9 @@
 //! One function for each command.
 
+pub mod check;
+pub mod explain;
+pub mod inspect;
+pub mod keep;
 pub mod run;
 pub mod status;
 
@@ -23,6 +27,11 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.command {
         Command::Run(arguments) => run::run(arguments),
         Command::Status(arguments) => status::status(arguments),
+        Command::Explain(arguments) => explain::explain(arguments),
+        Command::Check(arguments) => check::check(arguments),
+        Command::Verify(arguments) => keep::verify(arguments),
+        Command::Gc(arguments) => keep::gc(arguments),
+        Command::Inspect(arguments) => inspect::inspect(arguments),
     }
 }
 

@@ -1,0 +1,278 @@
+//! Whether the files of a study can be what the study says they are.
+
+use mammotwin_data::{
+    Failure,
+    io::{
+        landmarks,
+        nifti::{self, Summary},
+    },
+    labels::{LabelMap, Tissue},
+    landmarks::Landmarks,
+    study::{Pose, Study},
+    volume::{Grid, Volume},
+};
+use std::path::{Path, PathBuf};
+
+/// How much a finding matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Weight {
+    /// As it should be.
+    Good,
+    /// Unusual; a run works, its results may be wrong.
+    Warning,
+    /// A run cannot give sound results.
+    Wrong,
+}
+
+/// Something that was looked at.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Finding {
+    /// Study key: `poses.prone.landmarks`.
+    pub key: String,
+    /// How much it matters.
+    pub weight: Weight,
+    /// What was found, and how to mend it.
+    pub text: String,
+}
+
+/// Distances of neighbouring voxels that a breast image has (mm).
+const SPACING_MM: [f64; 2] = [0.1, 10.0];
+/// Extents that an image of both breasts has (mm).
+const EXTENT_MM: [f64; 2] = [50.0, 1000.0];
+/// Number of chest-wall landmarks that a rigid registration starts from.
+const CHEST_LANDMARKS: usize = 3;
+
+/// Looks at every file that a study names. `base` is the folder of the study.
+pub fn findings(study: &Study, base: &Path) -> Vec<Finding> {
+    let mut found = Vec::new();
+    let mut marked = Vec::new();
+    for (name, pose) in &study.poses {
+        let mut pose = PoseCheck { name, pose, base, found: Vec::new() };
+        if let Some(landmarks) = pose.run() {
+            marked.push((name, landmarks));
+        }
+        found.append(&mut pose.found);
+    }
+    found.extend(common_landmarks(study, &marked));
+    found
+}
+
+struct PoseCheck<'a> {
+    name: &'a str,
+    pose: &'a Pose,
+    base: &'a Path,
+    found: Vec<Finding>,
+}
+
+impl PoseCheck<'_> {
+    fn note(&mut self, key: &str, weight: Weight, text: impl Into<String>) {
+        let key = format!("poses.{}.{key}", self.name);
+        self.found.push(Finding { key, weight, text: text.into() });
+    }
+
+    fn refused(&mut self, key: &str, failure: impl Into<Failure>) {
+        let text = match failure.into() {
+            Failure::Io { path, cause } => {
+                format!("{}: {cause}; paths are relative to the study's folder", path.display())
+            }
+            failure => failure.to_string(),
+        };
+        self.note(key, Weight::Wrong, text);
+    }
+
+    fn path(&self, file: &Path) -> PathBuf {
+        self.base.join(file)
+    }
+
+    fn run(&mut self) -> Option<Landmarks> {
+        if let Some(warning) = &self.pose.warning {
+            self.note("warning", Weight::Warning, warning.clone());
+        }
+        let grid = match nifti::inspect(&self.path(&self.pose.image)) {
+            Ok(summary) => Some(self.image(&summary)),
+            Err(error) => {
+                self.refused("image", error);
+                None
+            }
+        };
+        if let Some(file) = &self.pose.labels {
+            match nifti::read_labels(&self.path(file)) {
+                Ok(labels) => self.labels(&labels, grid.as_ref()),
+                Err(error) => self.refused("labels", error),
+            }
+        }
+        let file = self.pose.landmarks.as_ref()?;
+        match landmarks::read(&self.path(file)) {
+            Ok(landmarks) => {
+                self.landmarks(&landmarks, grid.as_ref());
+                Some(landmarks)
+            }
+            Err(error) => {
+                self.refused("landmarks", error);
+                None
+            }
+        }
+    }
+
+    fn image(&mut self, summary: &Summary) -> Grid {
+        let Summary { dims, spacing_mm, orientation, range, .. } = summary;
+        for warning in &summary.warnings {
+            self.note("image", Weight::Warning, warning.clone());
+        }
+        if range[0] == range[1] {
+            self.note("image", Weight::Wrong, format!("every voxel is {}; no picture", range[0]));
+        }
+        for axis in 0..3 {
+            let (step, extent) = (spacing_mm[axis], spacing_mm[axis] * dims[axis] as f64);
+            let plausible = (SPACING_MM[0]..=SPACING_MM[1]).contains(&step)
+                && (EXTENT_MM[0]..=EXTENT_MM[1]).contains(&extent);
+            if !plausible {
+                let text = format!(
+                    "pixdim[{}]: {} voxels of {step} mm are {extent} mm: no image of a breast; \
+                     correct the units of the header",
+                    axis + 1,
+                    dims[axis]
+                );
+                self.note("image", Weight::Wrong, text);
+            }
+        }
+        let [i, j, k] = dims;
+        let [a, b, c] = spacing_mm;
+        let text = format!("{i} x {j} x {k} voxels of {a:.3} x {b:.3} x {c:.3} mm, {orientation}");
+        self.note("image", Weight::Good, text);
+        grid(summary)
+    }
+
+    fn labels(&mut self, labels: &LabelMap, grid: Option<&Grid>) {
+        if grid.is_some_and(|grid| !same_place(grid, &labels.grid)) {
+            let text = "lie on another grid than the image; resample them to the image";
+            self.note("labels", Weight::Wrong, text);
+        }
+        for side in [
+            [Tissue::AdiposeRight, Tissue::FibroglandularRight],
+            [Tissue::AdiposeLeft, Tissue::FibroglandularLeft],
+        ] {
+            if !labels.values.iter().any(|tissue| side.contains(tissue)) {
+                let [fat, gland] = side.map(Tissue::label);
+                let text = format!("no voxel of label {fat} or {gland}: a breast is missing");
+                self.note("labels", Weight::Wrong, text);
+            }
+        }
+        if let Some(face) = cut_breast(labels) {
+            let text = format!("a breast is cut by the {face} border of the image");
+            self.note("labels", Weight::Wrong, text);
+        }
+    }
+
+    fn landmarks(&mut self, landmarks: &Landmarks, grid: Option<&Grid>) {
+        let before = self.found.len();
+        if let Some(grid) = grid {
+            for (name, point) in &landmarks.0 {
+                let voxel = grid.to_voxel().apply(point);
+                let inside =
+                    (0..3).all(|n| voxel[n] >= -0.5 && voxel[n] <= grid.shape[n] as f64 - 0.5);
+                if !inside {
+                    let text = format!(
+                        "{name} ({:.1}, {:.1}, {:.1}) mm lies outside of the image; give positions \
+                         in RAS mm of this image",
+                        point.x, point.y, point.z
+                    );
+                    self.note("landmarks", Weight::Wrong, text);
+                }
+            }
+        }
+        for (right, r) in &landmarks.0 {
+            let left = right.replace("right", "left");
+            let Some(l) = landmarks.0.get(&left).filter(|_| *right != left) else { continue };
+            if r.x <= l.x {
+                let text = format!(
+                    "{right} (x = {:.1} mm) lies left of {left} (x = {:.1} mm), but +x is the \
+                     person's right: names or image are mirrored",
+                    r.x, l.x
+                );
+                self.note("landmarks", Weight::Wrong, text);
+            }
+        }
+        if self.found.len() == before {
+            let text = format!("{} landmarks, inside of the image", landmarks.0.len());
+            self.note("landmarks", Weight::Good, text);
+        }
+    }
+}
+
+/// The registration of each pose starts from chest-wall landmarks that the reference has too.
+fn common_landmarks(study: &Study, marked: &[(&String, Landmarks)]) -> Vec<Finding> {
+    let reference = study.model.reference_pose.as_deref().unwrap_or("supine");
+    let Some((_, fixed)) = marked.iter().find(|(name, _)| *name == reference) else {
+        return Vec::new();
+    };
+    let others = marked.iter().filter(|(name, _)| *name != reference);
+    let few = others.filter_map(|(name, landmarks)| {
+        let count = landmarks.pairs(fixed, "chest_").len();
+        (count < CHEST_LANDMARKS).then(|| Finding {
+            key: format!("poses.{name}.landmarks"),
+            weight: Weight::Warning,
+            text: format!(
+                "{count} of the landmarks chest_... are also in poses.{reference}; with \
+                 {CHEST_LANDMARKS} the registration starts from them"
+            ),
+        })
+    });
+    few.collect()
+}
+
+fn grid(summary: &Summary) -> Grid {
+    let at = |row: usize, column: usize| summary.affine[row][column];
+    Grid {
+        shape: summary.dims,
+        axes: mammotwin_data::Mat3::from_fn(at),
+        origin: mammotwin_data::Vec3::from_fn(|row, _| at(row, 3)),
+    }
+}
+
+/// Whether the corners of two grids are the same within a tenth of a voxel.
+fn same_place(a: &Grid, b: &Grid) -> bool {
+    let least = a.spacing_mm().into_iter().fold(f64::MAX, f64::min);
+    let corners = |grid: &Grid| {
+        let [i, j, k] = grid.shape.map(|n| n - 1);
+        [[0, 0, 0], [i, 0, 0], [0, j, 0], [0, 0, k], [i, j, k]].map(|v| grid.center(v))
+    };
+    let apart = corners(a).into_iter().zip(corners(b)).map(|(p, q)| (p - q).norm());
+    a.shape == b.shape && apart.fold(0.0, f64::max) < 0.1 * least
+}
+
+/// A border that the gland or fat of a breast reaches; upper and lower borders may cut the torso,
+/// whose fat beside the breasts is labelled like them.
+fn cut_breast(labels: &Volume<Tissue>) -> Option<&'static str> {
+    use Tissue::{
+        AdiposeLeft, AdiposeRight, FibroglandularLeft, FibroglandularRight, NippleAreola,
+    };
+    let breast = [AdiposeLeft, AdiposeRight, FibroglandularLeft, FibroglandularRight, NippleAreola];
+    let shape = labels.grid.shape;
+    let names = [["left", "right"], ["rear", "front"], ["lower", "upper"]];
+    for (n, tissue) in labels.values.iter().enumerate() {
+        if !breast.contains(tissue) {
+            continue;
+        }
+        let voxel = labels.grid.voxel(n);
+        for axis in 0..3 {
+            let end = match voxel[axis] {
+                0 => -1.0,
+                v if v + 1 == shape[axis] => 1.0,
+                _ => continue,
+            };
+            let outward = end * labels.grid.axes.column(axis);
+            let world = outward.iamax();
+            let toward = usize::from(outward[world] > 0.0);
+            let front = world == 1 && toward == 1;
+            if world == 0 || front {
+                return Some(names[world][toward]);
+            }
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,119 @@
+//! A sound pose, and one thing wrong with it at a time.
+
+use super::*;
+use mammotwin_data::{
+    Vec3,
+    io::nifti::{Version, VoxelType},
+    study::parse,
+};
+use std::fs;
+
+const STUDY: &str = r#"
+schema = 1
+subject = { id = "x" }
+[poses.prone]
+image = "prone.nii.gz"
+posture = "prone"
+landmarks = "prone.csv"
+labels = "labels.nii.gz"
+"#;
+
+/// A folder with an image, landmarks and labels of 20 x 20 x 20 voxels of 8 mm.
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        let folder = Self(tempfile::tempdir().unwrap());
+        folder.image(8.0);
+        folder.landmarks("nipple_right,40,60,0\nnipple_left,-40,60,0\n");
+        folder.labels([8, 10, 10]);
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn grid(step: f64) -> Grid {
+        Grid::aligned([20; 3], [step; 3], Vec3::repeat(-9.5 * step))
+    }
+
+    fn image(&self, step: f64) {
+        let grid = Self::grid(step);
+        let values = (0..grid.len()).map(|n| (n % 7) as f32).collect();
+        let image = Volume { grid, values };
+        nifti::write(&self.path("prone.nii.gz"), &image, VoxelType::F32, Version::One).unwrap();
+    }
+
+    fn landmarks(&self, rows: &str) {
+        fs::write(self.path("prone.csv"), format!("name,x_mm,y_mm,z_mm\n{rows}")).unwrap();
+    }
+
+    /// One voxel of each breast; the left one is at `voxel`.
+    fn labels(&self, voxel: [usize; 3]) {
+        let mut labels = Volume::filled(Self::grid(8.0), Tissue::Background);
+        let right = labels.grid.index([12, 10, 10]);
+        labels.values[right] = Tissue::AdiposeRight;
+        let left = labels.grid.index(voxel);
+        labels.values[left] = Tissue::FibroglandularLeft;
+        nifti::write_labels(&self.path("labels.nii.gz"), &labels, Version::One).unwrap();
+    }
+
+    #[track_caller]
+    fn says(&self, key: &str, weight: Weight, part: &str) {
+        let found = findings(&parse(STUDY).unwrap(), self.0.path());
+        let hit = |f: &Finding| f.key == key && f.weight == weight && f.text.contains(part);
+        assert!(found.iter().any(hit), "{found:#?}");
+    }
+}
+
+#[test]
+fn a_sound_pose_is_good() {
+    let found = findings(&parse(STUDY).unwrap(), Folder::new().0.path());
+    assert!(found.iter().all(|finding| finding.weight == Weight::Good), "{found:#?}");
+    assert_eq!(found.len(), 2);
+}
+
+#[test]
+fn missing_and_torn_files_are_named() {
+    let folder = Folder::new();
+    fs::remove_file(folder.path("prone.csv")).unwrap();
+    folder.says("poses.prone.landmarks", Weight::Wrong, "prone.csv");
+    let bytes = fs::read(folder.path("prone.nii.gz")).unwrap();
+    fs::write(folder.path("prone.nii.gz"), &bytes[..bytes.len() / 2]).unwrap();
+    folder.says("poses.prone.image", Weight::Wrong, "prone.nii.gz");
+}
+
+#[test]
+fn mirrored_names_are_found() {
+    let folder = Folder::new();
+    folder.landmarks("nipple_right,-40,60,0\nnipple_left,40,60,0\n");
+    folder.says("poses.prone.landmarks", Weight::Wrong, "mirrored");
+}
+
+#[test]
+fn landmarks_outside_of_the_image_are_found() {
+    let folder = Folder::new();
+    folder.landmarks("nipple_right,400,60,0\n");
+    folder.says("poses.prone.landmarks", Weight::Wrong, "nipple_right (400.0, 60.0, 0.0) mm");
+}
+
+#[test]
+fn an_image_in_metres_is_found() {
+    let folder = Folder::new();
+    folder.image(0.008);
+    folder.says("poses.prone.image", Weight::Wrong, "pixdim[1]");
+}
+
+#[test]
+fn labels_that_miss_or_cut_a_breast_or_lie_elsewhere_are_found() {
+    let folder = Folder::new();
+    folder.labels([0, 10, 10]);
+    folder.says("poses.prone.labels", Weight::Wrong, "left border");
+    folder.labels([8, 19, 10]);
+    folder.says("poses.prone.labels", Weight::Wrong, "front border");
+    folder.labels([12, 10, 10]);
+    folder.says("poses.prone.labels", Weight::Wrong, "label 1 or 3");
+    folder.image(7.0);
+    folder.says("poses.prone.labels", Weight::Wrong, "another grid");
+}
