@@ -10,6 +10,7 @@ use crate::ordering::{Graph, elimination_order};
 use crate::terms::{At, Block, ContactCheck, Load, Order, Refusal, Term};
 use mammotwin_data::{Vec3, solution::Solution};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Unknown that is not there.
 const NONE: u32 = u32::MAX;
@@ -25,6 +26,8 @@ pub struct State {
     pub pressure: Vec<f64>,
     /// Memory of each term.
     pub memory: Vec<Vec<f64>>,
+    /// Shear modulus of the tissue at each node (kPa).
+    pub shear_kpa: Arc<[f64]>,
     /// What is switched on.
     pub load: Load,
 }
@@ -169,7 +172,7 @@ impl Assembly {
         let mut energy = 0.0;
         let mut dilatation = vec![0.0; self.compliance.as_ref().map_or(0, |c| c.pattern().len())];
         for (index, term) in model.terms().iter().enumerate() {
-            let at = At { points, pressure: &[], memory: &state.memory[index], load: state.load };
+            let at = At { points, pressure: &[], ..state.at(index) };
             let parts: Vec<Result<(f64, f64), Refusal>> = (0..term.elements())
                 .into_par_iter()
                 .with_min_len(256)
@@ -327,7 +330,17 @@ impl State {
     /// A state with the nodes at `points` and nothing remembered yet.
     pub fn new(model: &Model, points: Vec<Vec3>, load: Load) -> Self {
         let memory = model.terms().iter().map(|term| term.first_memory(&points)).collect();
-        Self { pressure: vec![0.0; points.len()], points, memory, load }
+        let mut shear_kpa = vec![0.0; points.len()];
+        for term in model.terms() {
+            term.raise_shear(&mut shear_kpa);
+        }
+        Self {
+            pressure: vec![0.0; points.len()],
+            points,
+            memory,
+            shear_kpa: shear_kpa.into(),
+            load,
+        }
     }
 
     /// What term `index` sees.
@@ -336,6 +349,7 @@ impl State {
             points: &self.points,
             pressure: &self.pressure,
             memory: &self.memory[index],
+            shear_kpa: &self.shear_kpa,
             load: self.load,
         }
     }
@@ -349,7 +363,7 @@ impl State {
     /// Lets every contact update its multipliers.
     pub fn update_multipliers(&mut self, model: &Model) {
         for (term, memory) in model.terms().iter().zip(&mut self.memory) {
-            term.update_multipliers(&self.points, self.load, memory);
+            term.update_multipliers(&self.points, &self.shear_kpa, self.load, memory);
         }
     }
 

@@ -16,6 +16,7 @@ pub mod newton;
 pub mod ordering;
 pub mod solve;
 pub mod terms;
+pub mod unload;
 
 pub use model::{Model, ModelError};
 pub use solve::{Options, SolveError, solve};

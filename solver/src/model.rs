@@ -2,6 +2,7 @@
 
 use crate::terms::Term;
 use mammotwin_data::{Vec3, mesh::TetMesh};
+use std::collections::BTreeMap;
 
 /// Why a model cannot be built.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -79,6 +80,7 @@ pub struct Model {
     pub rest: Vec<Vec3>,
     terms: Vec<Box<dyn Term>>,
     fixed: Vec<[bool; 3]>,
+    held: BTreeMap<u32, Vec3>,
 }
 
 impl Model {
@@ -88,6 +90,7 @@ impl Model {
             rest: mesh.points.clone(),
             terms: Vec::new(),
             fixed: vec![[false; 3]; mesh.points.len()],
+            held: BTreeMap::new(),
         }
     }
 
@@ -123,6 +126,20 @@ impl Model {
     /// When there is no such node.
     pub fn fix_node(&mut self, node: u32) {
         self.fixed[node as usize] = [true; 3];
+    }
+
+    /// Keeps a node at a place (mm), wherever its rest and start positions are.
+    ///
+    /// # Panics
+    /// When there is no such node.
+    pub fn hold(&mut self, node: u32, place: Vec3) {
+        self.fix_node(node);
+        self.held.insert(node, place);
+    }
+
+    /// Where nodes are held (mm), by node.
+    pub fn held(&self) -> &BTreeMap<u32, Vec3> {
+        &self.held
     }
 
     /// The terms, in the order in which they were added.

@@ -83,20 +83,27 @@ pub fn solve(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Solution, SolveError> {
-    let mut newton = prepare(model, start)?;
-    let mut state = State::new(model, start.to_vec(), Load { gravity: 0.0, ..Load::GRAVITY });
+    let (mut newton, mut state) = prepare(model, start, Load { gravity: 0.0, ..Load::GRAVITY })?;
     let mut counts = Checks::default();
     walk(&mut newton, model, &mut state, Load::GRAVITY, options, &mut counts, progress)?;
     finish(&newton, model, &state, counts)
 }
 
-/// Analyses a model whose nodes start at `start`.
-pub(crate) fn prepare(model: &Model, start: &[Vec3]) -> Result<Newton, SolveError> {
+/// Analyses a model, and puts its nodes at `start`, held ones at their places.
+pub(crate) fn prepare(
+    model: &Model,
+    start: &[Vec3],
+    load: Load,
+) -> Result<(Newton, State), SolveError> {
     let finite = start.iter().flatten().all(|x| x.is_finite());
     if start.len() != model.rest.len() || !finite {
         return Err(SolveError::Start { wanted: model.rest.len(), got: start.len() });
     }
-    Ok(Newton::new(model)?)
+    let mut points = start.to_vec();
+    for (&node, place) in model.held() {
+        points[node as usize] = *place;
+    }
+    Ok((Newton::new(model)?, State::new(model, points, load)))
 }
 
 /// Between two loads.

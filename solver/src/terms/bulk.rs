@@ -161,6 +161,15 @@ impl Term for Bulk {
         self.volumes[element] * (mass / bulk + projection / law.shear_kpa())
     }
 
+    fn raise_shear(&self, shear_kpa: &mut [f64]) {
+        for (tet, law) in self.tets.iter().zip(&self.laws) {
+            for &n in tet {
+                let shear = &mut shear_kpa[n as usize];
+                *shear = shear.max(law.shear_kpa());
+            }
+        }
+    }
+
     fn report(&self, at: &At, solution: &mut Solution) {
         let mut weights = vec![0.0; at.points.len()];
         solution.pressure_kpa = vec![0.0; at.points.len()];

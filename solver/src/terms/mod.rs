@@ -5,15 +5,23 @@
 //! of nearly incompressible tissue gives its dilatation besides (see [`bulk`]).
 
 pub mod bulk;
+pub mod cable;
 pub mod gravity;
+pub mod grid_distance;
 pub mod membrane;
+pub mod sliding;
+pub mod target;
 pub mod testing;
 #[cfg(test)]
 mod tests;
 
 pub use bulk::Bulk;
+pub use cable::{Cable, Cables};
 pub use gravity::Gravity;
+pub use grid_distance::GridDistance;
 pub use membrane::Membrane;
+pub use sliding::Sliding;
+pub use target::Target;
 
 use crate::materials::MaterialError;
 use mammotwin_data::{Mat3, Vec3, solution::Solution};
@@ -44,6 +52,8 @@ pub struct At<'a> {
     pub pressure: &'a [f64],
     /// What the term remembers: multipliers, history.
     pub memory: &'a [f64],
+    /// Shear modulus (kPa) of the tissue at each node; scales penalties.
+    pub shear_kpa: &'a [f64],
     /// What is switched on.
     pub load: Load,
 }
@@ -243,7 +253,17 @@ pub trait Term: Send + Sync {
     }
 
     /// Updates the multipliers of a contact after a minimum has been found.
-    fn update_multipliers(&self, _points: &[Vec3], _load: Load, _memory: &mut [f64]) {}
+    fn update_multipliers(
+        &self,
+        _points: &[Vec3],
+        _shear_kpa: &[f64],
+        _load: Load,
+        _memory: &mut [f64],
+    ) {
+    }
+
+    /// Raises the shear modulus (kPa) of each node to that of the term's tissue there.
+    fn raise_shear(&self, _shear_kpa: &mut [f64]) {}
 
     /// Stores what the next load step must know of this one.
     fn accept(&self, _points: &[Vec3], _load: Load, _memory: &mut [f64]) {}

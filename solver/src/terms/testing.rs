@@ -45,7 +45,7 @@ pub fn check(term: &dyn Term, at: &At) {
                 };
                 let energy = slope(&|block| block.energy + tension * block.dilatation);
                 assert!(
-                    (energy - here.gradient[b][axis]).abs() < 1e-7 * (force + step * scale),
+                    (energy - here.gradient[b][axis]).abs() <= 1e-7 * (force + step * scale),
                     "{} element {element}: dE/dx[{b}][{axis}] = {energy}, gradient {}",
                     term.name(),
                     here.gradient[b][axis]
@@ -53,7 +53,7 @@ pub fn check(term: &dyn Term, at: &At) {
                 let dilatation = slope(&|block| block.dilatation);
                 assert!(
                     (dilatation - here.dilatation_gradient[b][axis]).abs()
-                        < 1e-7 * (1.0 + here.dilatation_gradient[b].norm()),
+                        <= 1e-7 * (1.0 + here.dilatation_gradient[b].norm()),
                     "{} element {element}: dilatation gradient",
                     term.name()
                 );
@@ -62,7 +62,7 @@ pub fn check(term: &dyn Term, at: &At) {
                         let want = slope(&|block| block.gradient[a][i]);
                         let got = here.hessian[a][b][(i, axis)];
                         assert!(
-                            (got - want).abs() < 1e-6 * (scale + 1e-3 * force),
+                            (got - want).abs() <= 1e-6 * (scale + 1e-3 * force),
                             "{} element {element}: d²E/dx[{a}][{i}]dx[{b}][{axis}] = {want}, \
                              Hessian {got}",
                             term.name()

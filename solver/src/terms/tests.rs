@@ -1,8 +1,11 @@
 //! Every term against finite differences.
 
-use super::{At, Bulk, Gravity, Load, Membrane, testing};
+use super::{
+    At, Bulk, Cable, Cables, Gravity, Load, Membrane, Sliding, Term as _, target::Cylinder, testing,
+};
 use crate::materials::Law;
 use mammotwin_data::{Vec3, labels::Tissue, mesh::TetMesh, study::LawName};
+use std::sync::Arc;
 
 /// Two tetrahedra on a common face, one of them crooked.
 fn pair() -> TetMesh {
@@ -38,7 +41,9 @@ fn laws() -> [Law; 3] {
 fn check(term: &dyn super::Term, points: &[Vec3]) {
     let pressure = [0.3, -0.2, 0.5, 0.1, -0.4];
     let memory = term.first_memory(points);
-    testing::check(term, &At { points, pressure: &pressure, memory: &memory, load: Load::GRAVITY });
+    let shear_kpa = &[0.2; 5];
+    let (memory, load) = (&memory, Load::GRAVITY);
+    testing::check(term, &At { points, pressure: &pressure, memory, shear_kpa, load });
 }
 
 #[test]
@@ -63,4 +68,37 @@ fn membrane() {
 fn gravity() {
     let mesh = pair();
     check(&Gravity::new("gravity", &mesh, 0.98, Vec3::new(0.3, -0.5, 0.9)), &moved(&mesh));
+}
+
+#[test]
+fn cables() {
+    let mesh = pair();
+    let anchor = Vec3::new(-20.0, 5.0, 3.0);
+    let length = |node: usize| (moved(&mesh)[node] - anchor).norm();
+    let cable = |node: u32, stretch: f64| Cable {
+        node,
+        anchor,
+        natural_mm: length(node as usize) / stretch,
+        stiffness_mn_per_mm: 3.0,
+    };
+    // Slack, barely taut, taut.
+    let list = vec![cable(0, 0.9), cable(1, 1.0005), cable(2, 1.2)];
+    let cables = Cables::new("cables", list).unwrap();
+    check(&cables, &moved(&mesh));
+    let tensions = cables.tensions(&moved(&mesh));
+    assert!(tensions[0] == 0.0 && tensions[1] > 0.0 && tensions[2] > 1.0, "{tensions:?}");
+}
+
+#[test]
+fn sliding() {
+    let mesh = pair();
+    let axis = Vec3::new(0.6, 0.0, 0.8);
+    let cylinder = Cylinder { point: Vec3::new(4.0, -7.0, 1.0), axis, radius_mm: 9.0 };
+    let faces = [[0, 1, 3], [1, 4, 3]];
+    let term = Sliding::new("wall", &mesh.points, &faces, Arc::new(cylinder), 0.0).unwrap();
+    check(&term, &moved(&mesh));
+    let mut memory = term.first_memory(&mesh.points);
+    term.update_multipliers(&mesh.points, &[0.2; 5], Load::GRAVITY, &mut memory);
+    assert!(memory.iter().all(|m| *m != 0.0));
+    assert!(Sliding::new("wall", &mesh.points, &faces, Arc::new(cylinder), 0.1).is_err());
 }

@@ -1,0 +1,46 @@
+//! Smooth surfaces that a body slides on, by their signed distance.
+
+use mammotwin_data::{Mat3, Vec3};
+
+/// A smooth signed distance (mm), positive on the side where the body is.
+pub trait Target: Send + Sync {
+    /// Distance (mm), its gradient (no unit) and its second derivatives (1/mm).
+    fn distance(&self, point: &Vec3) -> (f64, Vec3, Mat3);
+}
+
+/// A plane; the body is on the side of its normal.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plane {
+    /// A point of the plane (mm).
+    pub point: Vec3,
+    /// Unit normal.
+    pub normal: Vec3,
+}
+
+impl Target for Plane {
+    fn distance(&self, point: &Vec3) -> (f64, Vec3, Mat3) {
+        (self.normal.dot(&(point - self.point)), self.normal, Mat3::zeros())
+    }
+}
+
+/// An endless cylinder; the body is outside of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cylinder {
+    /// A point of the axis (mm).
+    pub point: Vec3,
+    /// Unit direction of the axis.
+    pub axis: Vec3,
+    /// Radius (mm).
+    pub radius_mm: f64,
+}
+
+impl Target for Cylinder {
+    fn distance(&self, point: &Vec3) -> (f64, Vec3, Mat3) {
+        let across = Mat3::identity() - self.axis * self.axis.transpose();
+        let arm = across * (point - self.point);
+        let radius = arm.norm();
+        let normal = arm.try_normalize(1e-9).unwrap_or_else(Vec3::zeros);
+        let hessian = (across - normal * normal.transpose()) / radius.max(1e-9);
+        (radius - self.radius_mm, normal, hessian)
+    }
+}
