@@ -15,7 +15,7 @@ use mammotwin_data::{
 use nalgebra::Matrix6;
 
 /// Spacing of the wide search (mm).
-const SEARCH_MM: f64 = 10.0;
+const SEARCH_MM: f64 = 15.0;
 /// Part of an image's mean below which its logarithm flattens.
 const FLOOR: f32 = 0.5;
 /// Least part of the mask that must lie in the moving image.
@@ -109,15 +109,16 @@ fn mean(image: &Volume<f32>) -> f32 {
     (sum / image.values.len() as f64) as f32
 }
 
-/// Climbs from turns about z and shifts along the body, on a coarse level; the best end wins.
+/// Climbs from turns about z and shifts along each axis, on a coarse level; the best end wins.
 fn wide_search(level: &Level, start: &RigidTransform) -> Optimum {
+    const SHIFTS_MM: [f64; 3] = [0.0, -30.0, 30.0];
     let pivot = start.point(&level.center);
     let mut best = level.climb(start, 12);
     let mut iterations = best.iterations;
-    for degrees in (-60..=60).step_by(15) {
-        for shift_mm in [-25.0, 0.0, 25.0] {
-            let turn = Vec3::new(0.0, 0.0, f64::from(degrees).to_radians());
-            let shift = Vec3::new(0.0, 0.0, shift_mm);
+    for degrees in (-60..=60).step_by(20) {
+        let turn = Vec3::new(0.0, 0.0, f64::from(degrees).to_radians());
+        for n in 0..27 {
+            let shift = Vec3::new(SHIFTS_MM[n % 3], SHIFTS_MM[n / 3 % 3], SHIFTS_MM[n / 9]);
             let from = start.then(&RigidTransform::about(&pivot, &turn, &shift));
             let end = level.climb(&from, 12);
             iterations += end.iterations;
