@@ -12,7 +12,7 @@ pub enum QualityError {
     /// Too few pixels.
     #[error(
         "microcalcification in row {row}, column {column}: {calcification} pixels in it and \
-         {background} around it on the detector; use smaller pixels or keep it on the detector"
+         {background} around it on the detector; keep it on the detector"
     )]
     TooFew {
         /// Row in the matrix.
@@ -81,15 +81,18 @@ struct Pixel {
 }
 
 /// Quality of the square around a centre (mm on the detector): pixels whose centre lies within
-/// the radius are calcification, the others background.
+/// the radius are calcification, the others background. The pixel that holds the centre (all of
+/// them, when it lies on their border) is calcification in any case: pixels may be wider than it.
 pub fn roi(
     picture: &Radiograph,
     site: Site,
     center_mm: [f64; 2],
     radius_mm: f64,
 ) -> Result<RoiQuality, QualityError> {
-    let (inside, outside): (Vec<Pixel>, Vec<Pixel>) =
-        square(picture, center_mm).partition(|p| p.at[0].hypot(p.at[1]) <= radius_mm);
+    let (inside, outside): (Vec<Pixel>, Vec<Pixel>) = square(picture, center_mm).partition(|p| {
+        let holds_center = p.at.iter().all(|d| d.abs() <= 0.500001 * picture.pitch_mm);
+        holds_center || p.at[0].hypot(p.at[1]) <= radius_mm
+    });
     // A plane needs three.
     if inside.is_empty() || outside.len() < 4 {
         return Err(QualityError::TooFew {
