@@ -13,6 +13,12 @@ pub struct Field {
 }
 
 impl Field {
+    /// Nothing everywhere, on a lattice that covers the box from `low` to `high` (mm).
+    pub fn still(low: Vec3, high: Vec3, step_mm: f64) -> Self {
+        let shape = [0, 1, 2].map(|axis| ((high[axis] - low[axis]) / step_mm).ceil() as usize + 2);
+        Self { low, step_mm, shape, values: vec![[0.0; 3]; shape.iter().product()] }
+    }
+
     /// Reads `value` on a lattice that covers the box from `low` to `high` (mm).
     pub fn sampled(
         low: Vec3,
@@ -20,26 +26,63 @@ impl Field {
         step_mm: f64,
         value: impl Fn(&Vec3) -> Vec3 + Sync,
     ) -> Self {
-        let shape = [0, 1, 2].map(|axis| ((high[axis] - low[axis]) / step_mm).ceil() as usize + 2);
-        let mut field = Self { low, step_mm, shape, values: Vec::new() };
-        field.values = (0..shape.iter().product())
-            .into_par_iter()
-            .map(|n| value(&field.place(n)).map(|v| v as f32).into())
-            .collect();
+        let mut field = Self::still(low, high, step_mm);
+        let read = |n: usize| value(&field.place(n)).map(|v| v as f32).into();
+        field.values = (0..field.len()).into_par_iter().map(read).collect();
         field
     }
 
-    /// The field that is nothing everywhere.
-    pub fn zero() -> Self {
-        let values = vec![[0.0; 3]; 8];
-        Self { low: Vec3::zeros(), step_mm: 1.0, shape: [2; 3], values }
+    /// Number of lattice points.
+    pub fn len(&self) -> usize {
+        self.values.len()
     }
 
     /// Place (mm) of a lattice point.
-    fn place(&self, n: usize) -> Vec3 {
+    pub fn place(&self, n: usize) -> Vec3 {
         let [ni, nj, _] = self.shape;
         let at = [n % ni, n / ni % nj, n / (ni * nj)];
         self.low + Vec3::from(at.map(|i| i as f64)) * self.step_mm
+    }
+
+    /// Value of a lattice point.
+    pub fn get(&self, n: usize) -> Vec3 {
+        Vec3::from(self.values[n].map(f64::from))
+    }
+
+    /// Changes the value of a lattice point.
+    pub fn set(&mut self, n: usize, value: &Vec3) {
+        self.values[n] = value.map(|v| v as f32).into();
+    }
+
+    /// Lattice points in a box.
+    pub fn points_within(&self, low: &Vec3, high: &Vec3) -> impl Iterator<Item = usize> + use<> {
+        let range = |axis: usize| {
+            let to_index = |x: f64| (x - self.low[axis]) / self.step_mm;
+            let first = to_index(low[axis]).ceil().max(0.0) as usize;
+            let end = (to_index(high[axis]).floor() + 1.0).max(0.0) as usize;
+            first..end.min(self.shape[axis])
+        };
+        let [ri, rj, rk] = [range(0), range(1), range(2)];
+        let [ni, nj, _] = self.shape;
+        rk.flat_map(move |k| {
+            let ri = ri.clone();
+            rj.clone().flat_map(move |j| ri.clone().map(move |i| (k * nj + j) * ni + i))
+        })
+    }
+
+    /// The six lattice points next to one; fewer at the border.
+    pub fn neighbors(&self, n: usize) -> impl Iterator<Item = usize> + use<> {
+        let [ni, nj, nk] = self.shape;
+        let at = [n % ni, n / ni % nj, n / (ni * nj)];
+        let stride = [1, ni, ni * nj];
+        let last = [ni - 1, nj - 1, nk - 1];
+        (0..6).filter_map(move |side| {
+            let axis = side / 2;
+            match side % 2 {
+                0 => (at[axis] > 0).then(|| n - stride[axis]),
+                _ => (at[axis] < last[axis]).then(|| n + stride[axis]),
+            }
+        })
     }
 
     /// Value at a place (mm).

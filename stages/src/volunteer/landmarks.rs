@@ -22,7 +22,7 @@ pub fn stress_free(torso: &Torso) -> Landmarks {
     for frame in &torso.breasts {
         let side = frame.side.name();
         let at = |lateral: f64, up: f64| on_breast(torso, frame, lateral, up);
-        let fold = 1.0 + 12.0 / breast.base_z_mm;
+        let fold = 1.0 + 5.0 / breast.base_z_mm;
         put(format!("chest_inframammary_{side}"), at(-0.1, -fold));
         put(format!("breast_{side}_upper"), at(0.0, 0.6));
         put(format!("breast_{side}_outer"), at(0.6, -0.1));

@@ -6,13 +6,17 @@
 //! table. Each image is taken in the frame of its pose. The tilted image is turned with the body,
 //! as a scanner with oblique slices would take it, so that gravity points to the side in it.
 
+mod carry;
 mod field;
 mod gland;
 mod landmarks;
+pub mod mechanics;
 pub mod motion;
 mod posed;
 pub mod preset;
 mod study;
+#[cfg(test)]
+mod tests;
 mod thorax;
 pub mod torso;
 pub mod truth;
@@ -23,7 +27,6 @@ pub use preset::Preset;
 pub use torso::Torso;
 pub use truth::Truth;
 
-use field::Field;
 use mammotwin_data::{
     Failure, Vec3,
     io::{
@@ -103,20 +106,27 @@ pub fn synthesize(settings: &Settings, progress: &dyn Progress) -> Result<Writte
     poses.dedup();
 
     let marks = landmarks::stress_free(&torso);
+    let size_mm = torso.person.truth_mesh.size_mm;
+    let mesh = mechanics::stress_free_mesh(&torso, size_mm)?;
     let mut truth = Truth::of(&torso, &settings.preset, settings.seed);
     for (done, &pose) in poses.iter().enumerate() {
         let part = |n: usize| n as f64 / poses.len() as f64;
         let progress = Part { whole: progress, from: part(done), to: part(done + 1) };
+        let solving = Part { whole: &progress, from: 0.0, to: 0.5 };
+        let scanning = Part { whole: &progress, from: 0.5, to: 1.0 };
+        let deformed = mechanics::deform(&torso, &mesh, pose, &solving)?;
+        let shapes = deformed.shapes(&mesh);
         let motion = Motion::drawn(&torso, pose, settings.seed);
-        let to_image = |x: &Vec3| motion.to_image(&torso, x);
+        let to_image = |x: &Vec3| motion.to_image(&torso, &shapes.forward(x));
         let exact: Landmarks =
             Landmarks(marks.0.iter().map(|(name, x)| (name.clone(), to_image(x))).collect());
-        let front = exact.0.values().map(|p| p.y).fold(f64::MIN, f64::max);
+        let to_image = |x: &Vec3| motion.to_image(&torso, x).y;
+        let front = deformed.solution.points.iter().map(to_image).fold(f64::MIN, f64::max);
         let grid = field_of_view(&torso.person, settings.voxel_mm, front);
         let corners = [grid.center([0; 3]), grid.center(grid.shape.map(|n| n - 1))];
-        let body = PosedBody::new(&torso, &motion, &Field::zero(), corners, LATTICE_MM);
+        let body = PosedBody::new(&torso, &motion, &shapes, corners, LATTICE_MM);
         let scan = protocol(&grid, pose, settings.seed);
-        let picture = mri::scan(&grid, &scan, &|p: &Vec3| body.sample(p), &progress);
+        let picture = mri::scan(&grid, &scan, &|p: &Vec3| body.sample(p), &scanning);
 
         let file = |folder: &Path, ending: &str| folder.join(format!("{}{ending}", pose.name()));
         let path = file(out, ".nii.gz");
@@ -134,7 +144,7 @@ pub fn synthesize(settings: &Settings, progress: &dyn Progress) -> Result<Writte
     Ok(Written { study, truth: truth_dir })
 }
 
-/// The grid of an image whose foremost landmark has y = `front` (mm).
+/// The grid of an image in which the body reaches to y = `front` (mm).
 fn field_of_view(person: &Preset, voxel_mm: Option<[f64; 3]>, front: f64) -> Grid {
     let image = &person.image;
     let voxel = voxel_mm.unwrap_or(image.voxel_mm);

@@ -1,6 +1,6 @@
 //! The body in one pose: which stress-free material point is at a place of the image.
 
-use super::{field::Field, motion::Motion, thorax::thorax, torso::Torso};
+use super::{carry::Shapes, field::Field, motion::Motion, thorax::thorax, torso::Torso};
 use mammotwin_data::{Vec3, labels::Tissue, rigid::RigidTransform};
 use mammotwin_imaging::mri::synthesize::{Sample, Substance};
 
@@ -20,13 +20,12 @@ pub struct PosedBody<'a> {
 }
 
 impl<'a> PosedBody<'a> {
-    /// Prepares a pose within a box of the image frame. `gravity_back` carries a place of the
-    /// common frame, deformed by gravity, to its stress-free place; it is read on a lattice of
-    /// `lattice_mm`.
+    /// Prepares a pose within a box of the image frame. `shapes` are the stress-free body and
+    /// the body under gravity; deformations are kept on a lattice of `lattice_mm`.
     pub fn new(
         torso: &'a Torso,
         motion: &Motion,
-        gravity_back: &Field,
+        shapes: &Shapes,
         image_box: [Vec3; 2],
         lattice_mm: f64,
     ) -> Self {
@@ -38,6 +37,7 @@ impl<'a> PosedBody<'a> {
         for corner in corners {
             (low, high) = (low.inf(&corner), high.sup(&corner));
         }
+        let gravity_back = shapes.backward(low, high, lattice_mm, &torso.limits);
         let deep = Field::sampled(low, high, 8.0, |p| {
             let mut x = *p;
             for _ in 0..4 {

@@ -21,6 +21,10 @@ pub struct Preset {
     pub stiffness: Stiffness,
     /// Properties that are the same for every seed and known to the study.
     pub fixed: Fixed,
+    /// Mesh of the truth.
+    pub truth_mesh: MeshSize,
+    /// Mesh of the model under test, as the study states it.
+    pub study_mesh: MeshSize,
     /// Field of view.
     pub image: Frame,
     /// Mammography.
@@ -95,6 +99,14 @@ pub struct Fixed {
     pub density_g_per_cm3: f64,
     /// Coulomb friction between breast and muscle.
     pub friction: f64,
+}
+
+/// How finely a body is meshed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeshSize {
+    /// Edge length of the tetrahedra (mm).
+    pub size_mm: f64,
 }
 
 /// Field of view and voxels.

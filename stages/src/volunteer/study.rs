@@ -59,10 +59,10 @@ skin = {{ law = "neo_hookean", young_kpa = {skin}, thickness_mm = {skin_mm} }}
 fascia = {{ law = "neo_hookean", young_kpa = {fascia}, thickness_mm = {fascia_mm} }}
 muscle = {{ rigid = true, young_kpa = {muscle} }}
 ligaments = {{ young_kpa = {ligaments}, names = ["inframammary", "deep_medial", "cranial", "lateral"] }}
-interface = {{ kind = "no_separation", friction = {friction} }}
+interface = {{ kind = "bonded", friction = {friction} }}
 
 [mesh]
-size_mm = 8.0
+size_mm = {size}
 
 [calibrate]
 parameters = ["breast.young_right_kpa", "breast.young_left_kpa"]
@@ -90,6 +90,7 @@ calcifications = {{ rows = 7, columns = 3, pitch_mm = 10.0, diameter_mm = [0.2, 
         muscle = float(fixed.muscle_kpa),
         ligaments = float(fixed.ligaments_kpa),
         friction = float(fixed.friction),
+        size = float(person.study_mesh.size_mm),
         distance = float(compression.chest_wall_distance_mm),
         thickness = float(compression.thickness_right_mm),
         jm = float(compression.jm),

@@ -81,8 +81,8 @@ impl Torso {
         });
         let limits = Limits {
             least_y_mm: 0.0,
-            least_z_mm: -(breast.base_z_mm + 25.0),
-            greatest_z_mm: breast.base_z_mm + 30.0,
+            least_z_mm: -(breast.base_z_mm + 12.0),
+            greatest_z_mm: breast.base_z_mm + 12.0,
         };
         let mut torso = Self { person, breasts, limits, seed, lobes: Lobes::default() };
         torso.lobes = Lobes::fitted(&torso, seed);

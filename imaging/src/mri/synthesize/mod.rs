@@ -57,7 +57,7 @@ pub struct Picture {
 }
 
 /// Slices of one task; a fixed number, so that threads change nothing.
-const SLICES: usize = 6;
+const SLICES: usize = 12;
 
 /// Takes a picture of `body` on `grid`.
 pub fn scan(
