@@ -13,7 +13,7 @@ use minijinja::{Environment, context};
 use serde::Serialize;
 
 /// Width (pixels) that all views of a surface fill together.
-const VIEWS_WIDTH: f64 = 940.0;
+const VIEWS_WIDTH: f64 = 920.0;
 /// Length of the bar in pictures of surfaces (mm).
 const BAR_MM: f64 = 50.0;
 
@@ -66,7 +66,6 @@ pub fn render(input: &ReportInput) -> Result<String, Failure> {
         metrics => input.metrics.iter().map(Row::new).collect::<Vec<_>>(),
         methods => input.methods,
         provenance => input.provenance,
-        bar_mm => BAR_MM,
     };
     let mut environment = Environment::new();
     environment
@@ -130,7 +129,7 @@ fn map(map: &SurfaceMap) -> Result<Figure<'_>, Failure> {
         )
     };
     let views: String = map.cameras.iter().map(view).collect();
-    let scale = scale(*palette, range, &map.label);
+    let scale = scale(*palette, range, &format!("{}; bar: {BAR_MM} mm", map.label));
     let body = format!("<div class=\"views\">{views}</div>{scale}");
     Ok(Figure { title, caption, body })
 }

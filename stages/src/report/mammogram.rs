@@ -39,7 +39,7 @@ pub fn whole(radiograph: &Radiograph, tone: Tone, side: Side, longest: usize) ->
         }
         sum / (factor * factor) as f32
     };
-    picture(rows, columns, mean, tone, side)
+    picture(rows, columns, mean, (tone, open_signal(radiograph)), side)
 }
 
 /// A part of the picture, pixel by pixel.
@@ -47,27 +47,27 @@ pub fn detail(radiograph: &Radiograph, tone: Tone, side: Side, region: Region) -
     let rows = region.size.min(radiograph.rows.saturating_sub(region.row));
     let columns = region.size.min(radiograph.columns.saturating_sub(region.column));
     let at = |row: usize, column: usize| radiograph.at(region.row + row, region.column + column);
-    picture(rows, columns, at, tone, side)
+    picture(rows, columns, at, (tone, open_signal(radiograph)), side)
+}
+
+/// Largest signal of the radiograph: that of the open beam.
+fn open_signal(radiograph: &Radiograph) -> f32 {
+    radiograph.pixels.iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max)
 }
 
 fn picture(
     rows: usize,
     columns: usize,
     at: impl Fn(usize, usize) -> f32,
-    tone: Tone,
+    (tone, open): (Tone, f32),
     side: Side,
 ) -> Raster {
     let mut values: Vec<f32> = (0..rows * columns).map(|n| at(n / columns, n % columns)).collect();
     if tone == Tone::Signal {
-        let open = values.iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
         let least = open * 1e-4;
         values.iter_mut().for_each(|v| *v = (open / v.max(least)).ln());
     }
-    let mut sorted: Vec<f32> = values.iter().copied().filter(|v| v.is_finite()).collect();
-    sorted.sort_by(f32::total_cmp);
-    let last = sorted.len().saturating_sub(1) as f64;
-    let percentile = |part: f64| sorted.get((last * part) as usize).copied().unwrap_or(0.0);
-    let (low, high) = (percentile(0.001), percentile(0.9995));
+    let [low, high] = window(&values);
     let level = |value: f32| {
         let part = (value - low) / (high - low).max(f32::MIN_POSITIVE);
         [(part.clamp(0.0, 1.0) * 255.0).round() as u8; 3]
@@ -82,6 +82,22 @@ fn picture(
         level(values[row * columns + column])
     };
     Raster { width: rows, height: columns, pixels: (0..rows * columns).map(pixel).collect() }
+}
+
+/// Values that become black and white: tissue gets the lighter part of the scale, so that its
+/// structure is seen; the air around it is black.
+fn window(values: &[f32]) -> [f32; 2] {
+    let mut sorted: Vec<f32> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    sorted.sort_by(f32::total_cmp);
+    let percentile = |sorted: &[f32], part: f64| {
+        let last = sorted.len().saturating_sub(1) as f64;
+        sorted.get((last * part) as usize).copied().unwrap_or(0.0)
+    };
+    let high = percentile(&sorted, 0.9995);
+    let tissue = &sorted[sorted.partition_point(|v| *v < 0.5 * high)..];
+    // A slab has no structure but noise: do not stretch that over the whole scale.
+    let span = (high - percentile(tissue, 0.02)).max(0.15 * high);
+    [high - 1.5 * span, high]
 }
 
 #[cfg(test)]

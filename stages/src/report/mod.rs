@@ -102,7 +102,7 @@ pub struct SurfaceMap {
     pub caption: String,
     /// The surface; vertices without triangles are not drawn.
     pub surface: TriMesh,
-    /// One number a vertex; NaN where there is none.
+    /// One number a vertex; NaN, drawn grey, where there is none: no contact, not measured.
     pub values: Vec<f64>,
     /// Quantity with its unit, beside the scale: "distance (mm)".
     pub label: String,

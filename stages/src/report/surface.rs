@@ -25,11 +25,11 @@ impl Camera {
     /// Words under the picture.
     pub fn title(self) -> &'static str {
         match self {
-            Self::Front => "from the front",
-            Self::Right => "from the right",
-            Self::Left => "from the left",
-            Self::Below => "from below",
-            Self::Above => "from above",
+            Self::Front => "front",
+            Self::Right => "right",
+            Self::Left => "left",
+            Self::Below => "below",
+            Self::Above => "above",
         }
     }
 

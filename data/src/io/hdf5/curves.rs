@@ -1,7 +1,11 @@
 //! Curves that xarray and netCDF readers know as variables over a dimension.
 
 use super::{Hdf5Error, Writer};
-use ::hdf5::{ObjectReference, ObjectReference1, types::VarLenArray};
+use ::hdf5::{
+    Datatype, ObjectReference, ObjectReference1,
+    types::{FixedAscii, VarLenArray},
+};
+use hdf5_sys::h5t::H5T_str_t;
 
 /// Values of one quantity along a curve.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,7 +53,7 @@ impl Writer {
         let scale = format!("{group}/{}", along.name);
         self.put(&scale, &along.values, &along.units, &along.long_name)?;
         self.attribute(&group, "long_name", &curve.long_name)?;
-        self.ascii_attribute(&scale, "CLASS", b"DIMENSION_SCALE\0")?;
+        self.mark_scale(&scale).map_err(|cause| self.failed(&scale, cause))?;
         self.attribute(&scale, "NAME", &along.name)?;
         for column in &curve.columns {
             assert_eq!(column.values.len(), along.values.len(), "{}", column.name);
@@ -58,6 +62,22 @@ impl Writer {
             self.attach(&name, &scale).map_err(|cause| self.failed(&name, cause))?;
         }
         Ok(())
+    }
+
+    /// Makes a dataset a dimension scale (attribute `CLASS`).
+    #[allow(unsafe_code)]
+    fn mark_scale(&self, name: &str) -> ::hdf5::Result<()> {
+        let class = FixedAscii::<16>::from_ascii(b"DIMENSION_SCALE\0").expect("it is ASCII");
+        let kind = Datatype::from_type::<FixedAscii<16>>()?;
+        {
+            // The library takes only a text that ends with NUL for a scale, and the wrapper pads
+            // every text of fixed length with NULs instead.
+            let _lock = hdf5_sys::LOCK.lock();
+            // SAFETY: the identifier is that of a datatype which is ours and not yet in a file.
+            unsafe { hdf5_sys::h5t::H5Tset_strpad(kind.id(), H5T_str_t::H5T_STR_NULLTERM) };
+        }
+        let dataset = self.file.dataset(name)?;
+        dataset.new_attr_builder().empty_as(&kind).create("CLASS")?.write_scalar(&class)
     }
 
     /// Says that the only dimension of `name` is `scale` (attribute `DIMENSION_LIST`).
