@@ -1,7 +1,25 @@
 //! The stages of the pipeline, one file each, and the breast model that they share.
 //!
 //! A stage is thin: it says what it needs and what it makes, and calls `imaging` and `solver`.
+//! What a breast is (skin, fascia, ligaments, chest wall) is said in [`model`].
 
+pub mod align;
+pub mod artifact;
+pub mod calibrate;
+pub mod comfort;
+pub mod compress;
+pub mod deliver;
+pub mod mammogram;
+pub mod mesh;
+pub mod model;
+pub mod phantom;
+pub mod pictures;
+pub mod pose;
+pub mod quality;
+pub mod register;
 pub mod report;
 pub mod results;
+pub mod segment;
+pub mod surface;
+pub mod validate;
 pub mod volunteer;

@@ -17,7 +17,7 @@ use mammotwin_solver::{
         quality::{Quality, quality},
         tetrahedralize::{Meshing, tetrahedralize},
     },
-    terms::GridDistance,
+    terms::{GridDistance, Target},
 };
 use serde::Serialize;
 use std::path::Path;
@@ -161,8 +161,8 @@ impl Domain for BreastDomain {
             [Patch::LateralLeft, Patch::LateralRight]
         };
         PatchDistances::none()
-            .with(Patch::Skin, self.skin.distance_mm(p))
-            .with(Patch::ChestWall, -self.wall.distance_mm(p))
+            .with(Patch::Skin, self.skin.distance(p).0)
+            .with(Patch::ChestWall, -self.wall.distance(p).0)
             .with(Patch::Superior, p.z - self.limits.superior_mm)
             .with(Patch::Inferior, self.limits.inferior_mm - p.z)
             .with(near, lateral)

@@ -16,8 +16,9 @@ use mammotwin_data::{
     surface::TriMesh,
 };
 use mammotwin_solver::{
+    Options,
     distance::{Active, Distances, SurfaceIndex, compare},
-    newton,
+    solve,
 };
 
 /// Skin within this elliptic radius of a breast's base is compared; arms and cuts are not.
@@ -125,7 +126,7 @@ impl PoseTarget {
         start: &[Vec3],
     ) -> Result<Solution, Failure> {
         let model = body.model(rest, moduli, self.gravity, None)?;
-        newton::solve(&model, start, &newton::Options::default(), &Silent)
+        solve(&model, start, &Options::default(), &Silent)
             .map_err(|cause| Failure::Numerics(format!("{}: {cause}", self.pose)))
     }
 

@@ -16,6 +16,9 @@ use mammotwin_imaging::mri::register::{self, Search};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
+/// The edge of the muscle to the fat in front of it is compared too.
+const MASK_MARGIN_MM: f64 = 3.0;
+
 /// Registers the image of a pose to the reference pose.
 #[derive(Debug, Clone, Serialize)]
 pub struct Register {
@@ -70,11 +73,11 @@ impl Stage for Register {
         (reference, labels, moving, start): &Self::Input,
         progress: &dyn Progress,
     ) -> Result<Registered, Failure> {
-        let mask = register::chest_wall_mask(labels);
+        let mask = register::chest_wall_mask(labels, MASK_MARGIN_MM);
         let search = if start.landmark_rms_mm.is_some() { Search::Near } else { Search::Wide };
         let options = register::Options { search, ..register::Options::default() };
         let found =
-            register::register(reference, &mask, moving, start.transform, &options, progress)
+            register::register(reference, &mask, moving, &start.transform, &options, progress)
                 .map_err(|cause| Failure::Numerics(format!("registration: {cause}")))?;
         let gravity = found.transform.direction(&self.gravity_in_image).normalize();
         Ok(Registered { transform: found.transform, gravity, start: *start, image: Some(found) })

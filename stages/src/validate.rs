@@ -71,7 +71,7 @@ impl Stage for Validate {
         progress: &dyn Progress,
     ) -> Result<Validation, Failure> {
         let target = PoseTarget::new(&self.pose, mesh, registered, surfaces)?;
-        let body = Body::new(mesh, &self.model)?;
+        let body = Body::new(mesh, &self.model);
         let measure = |fit: &Fit| {
             let solution = target.load(&body, &fit.rest, fit.moduli, &mesh.mesh.points)?;
             target.measure(solution)

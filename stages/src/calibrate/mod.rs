@@ -137,7 +137,7 @@ impl Stage for Calibrate {
         for ((name, motion), surfaces) in self.poses.iter().zip(registered).zip(surfaces) {
             targets.push(PoseTarget::new(name, mesh, motion, surfaces)?);
         }
-        let body = Body::new(mesh, &self.model)?;
+        let body = Body::new(mesh, &self.model);
         let search = Search { body, targets };
         let fitted: Vec<Side> = [Side::Right, Side::Left]
             .into_iter()
@@ -252,7 +252,7 @@ impl Search<'_> {
         for (n, target) in self.targets.iter().enumerate() {
             progress.report(0.6 + 0.4 * n as f64 / self.targets.len() as f64, doing);
             let solution = if n == 0 {
-                found.solution.clone()
+                found.loaded.clone()
             } else {
                 target.load(&self.body, &found.rest, moduli, loaded)?
             };

@@ -108,3 +108,33 @@ pub fn cables(mesh: &TetMesh, anatomy: &Anatomy, names: &[Ligament]) -> Vec<Cabl
     }
     cables
 }
+
+/// Nodes that two patches share: the end of one at the other.
+pub fn shared_nodes(mesh: &TetMesh, one: Patch, other: Patch) -> Vec<u32> {
+    let others = mesh.patch_nodes(other);
+    mesh.patch_nodes(one).into_iter().filter(|n| others.binary_search(n).is_ok()).collect()
+}
+
+/// Cables that hold the fascia at the midaxillary cuts, where it goes on to the back
+/// (Mîra 2018, § 3.4).
+pub fn lateral_cables(mesh: &TetMesh) -> Vec<CablePlan> {
+    let normals = mesh.patch_surface(Patch::ChestWall).vertex_normals();
+    let mut cables = Vec::new();
+    for cut in [Patch::LateralRight, Patch::LateralLeft] {
+        let ends = shared_nodes(mesh, Patch::ChestWall, cut);
+        let z = |n: &u32| mesh.points[*n as usize].z;
+        let low = ends.iter().map(z).fold(f64::INFINITY, f64::min);
+        let high = ends.iter().map(z).fold(f64::NEG_INFINITY, f64::max);
+        let length = (high - low) / ends.len().max(1) as f64;
+        for node in ends {
+            let (p, normal) = (mesh.points[node as usize], normals[node as usize]);
+            let back = -Vec3::y();
+            let Some(along) = (back - normal * back.dot(&normal)).try_normalize(1e-6) else {
+                continue;
+            };
+            let section_mm2 = SHEET_MM * length;
+            cables.push(CablePlan { node, anchor: p + LENGTH_MM * along, section_mm2 });
+        }
+    }
+    cables
+}

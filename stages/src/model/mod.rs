@@ -8,8 +8,9 @@ mod anatomy;
 mod ligaments;
 
 pub use anatomy::{Anatomy, BreastBase, NoBreast};
-pub use ligaments::{CablePlan, LENGTH_MM, Ligament, cables};
+pub use ligaments::{CablePlan, LENGTH_MM, Ligament, cables, lateral_cables, shared_nodes};
 
+use crate::mesh::BreastMesh;
 use mammotwin_data::{
     Failure, Vec3,
     labels::{Side, Tissue},
@@ -19,7 +20,7 @@ use mammotwin_data::{
 use mammotwin_solver::{
     materials::Law,
     model::Model,
-    terms::{Bulk, Cable, Cables, Gravity, Membrane, Sliding, Target},
+    terms::{Bulk, Cable, Cables, GridDistance, Gravity, Membrane, Sliding, Target},
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -72,7 +73,13 @@ pub struct Body<'a> {
     pub plan: &'a ModelPlan,
 }
 
-impl Body<'_> {
+impl<'a> Body<'a> {
+    /// The body of a mesh.
+    pub fn new(mesh: &'a BreastMesh, plan: &'a ModelPlan) -> Self {
+        let wall = Arc::new(GridDistance::new(&mesh.wall));
+        Self { mesh: &mesh.mesh, wall, anatomy: &mesh.anatomy, plan }
+    }
+
     /// The model whose stress-free shape has its nodes at `rest`, under gravity along `gravity`
     /// (unit vector; zero for none).
     ///
@@ -102,7 +109,8 @@ impl Body<'_> {
 
         let mesh = TetMesh { points: rest.to_vec(), ..self.mesh.clone() };
         let mut model = Model::new(&mesh);
-        model.add(Bulk::new("breast", &mesh, laws).map_err(|c| refuse(&c))?);
+        let breast = Bulk::new("breast", &mesh, laws).map_err(|c| refuse(&c))?;
+        model.add(breast).map_err(|c| refuse(&c))?;
         for (name, layer, patch) in
             [("skin", &plan.skin, Patch::Skin), ("fascia", &plan.fascia, Patch::ChestWall)]
         {
@@ -112,11 +120,13 @@ impl Body<'_> {
             let faces = self.mesh.patch(patch);
             let thickness = vec![layer.thickness_mm; faces.len()];
             let laws = vec![law; faces.len()];
-            let membrane = Membrane::new(name, rest, faces, &thickness, &laws);
-            model.add(membrane.map_err(|c| refuse(&c))?);
+            let membrane = Membrane::new(name, rest, faces, &thickness, &laws)
+                .map_err(|c| refuse(&c))?;
+            model.add(membrane).map_err(|c| refuse(&c))?;
         }
         if gravity != Vec3::zeros() {
-            model.add(Gravity::new("gravity", &mesh, plan.density_g_per_cm3, gravity));
+            let weight = Gravity::new("gravity", &mesh, plan.density_g_per_cm3, gravity);
+            model.add(weight).map_err(|c| refuse(&c))?;
         }
         self.support(&mut model)?;
         Ok(model)
@@ -131,8 +141,9 @@ impl Body<'_> {
                 let faces = self.mesh.patch(Patch::ChestWall);
                 let wall = self.wall.clone();
                 let friction = self.plan.interface.friction;
-                let sliding = Sliding::new("chest_wall", reference, faces, wall, friction);
-                model.add(sliding.map_err(|c| refuse(&c))?);
+                let sliding = Sliding::new("chest_wall", reference, faces, wall, friction)
+                    .map_err(|c| refuse(&c))?;
+                model.add(sliding).map_err(|c| refuse(&c))?;
             }
             InterfaceKind::Bonded => {
                 for n in self.mesh.patch_nodes(Patch::ChestWall) {
@@ -147,12 +158,29 @@ impl Body<'_> {
             })?);
         }
         let young = self.plan.ligaments.young_kpa;
-        let cables: Vec<Cable> = cables(self.mesh, self.anatomy, &names)
-            .iter()
-            .map(|c| Cable::new(c.node, c.anchor, LENGTH_MM, young * c.section_mm2 / LENGTH_MM))
-            .collect();
-        model.add(Cables::new("ligaments", cables));
-        // Skin and fascia go on beyond the cuts: their ends stay where they are.
+        let tie = |plan: &CablePlan| Cable {
+            node: plan.node,
+            anchor: plan.anchor,
+            natural_mm: LENGTH_MM,
+            stiffness_mn_per_mm: young * plan.section_mm2 / LENGTH_MM,
+        };
+        let rows = [
+            ("ligaments", cables(self.mesh, self.anatomy, &names)),
+            ("lateral_cables", lateral_cables(self.mesh)),
+        ];
+        for (name, plans) in rows.iter().filter(|(_, plans)| !plans.is_empty()) {
+            let cables = plans.iter().map(tie).collect();
+            let cables = Cables::new(name, cables).map_err(|c| refuse(&c))?;
+            model.add(cables).map_err(|c| refuse(&c))?;
+        }
+        // Skin and fascia go on beyond the cuts: their ends stay there.
+        for (layer, axis) in [(Patch::Skin, 1), (Patch::ChestWall, 2)] {
+            for cut in [Patch::Superior, Patch::Inferior] {
+                for node in shared_nodes(self.mesh, layer, cut) {
+                    model.fix(node, axis);
+                }
+            }
+        }
         Ok(())
     }
 }
