@@ -4,7 +4,7 @@ use mammotwin_data::{
     Failure,
     labels::LabelMap,
     landmarks::Landmarks,
-    store::{Run, Stored},
+    store::{Entry, Run, Stored},
     study::{CompressPlan, MammogramPlan, Pose, Study, Use},
     volume::Volume,
 };
@@ -13,11 +13,14 @@ use mammotwin_stages::{
     calibrate::{Calibrate, Calibration},
     comfort::Comfort,
     compress::{Compress, Compression},
+    deliver::{Deliver, RawPicture, Report, ShownPicture},
     mammogram::{Mammogram, Mammograms},
     mesh::{BreastMesh, Mesh},
     phantom::{CompressedPhantom, Phantom},
+    pictures::{Pictures, PosePictures},
     quality::{Metrics, Quality},
     register::{Register, Registered},
+    results::{Provenance, StageRecord},
     segment::Segment,
     surface::{PoseSurfaces, Surface},
     validate::{Validate, Validation},
@@ -26,6 +29,10 @@ use std::collections::BTreeMap;
 
 /// Seed of everything random in a run: shapes of microcalcifications and quantum noise.
 const SEED: u64 = 1;
+/// Pixel size (mm) of the cuts in the report.
+const CUT_MM: f64 = 1.0;
+/// What the thesis calls a limit of its own: said in every report.
+const NO_DEVICE: &str = "A research result, not a medical device; nothing here is a diagnosis.";
 
 /// Handles on what a run made.
 #[derive(Debug)]
@@ -61,6 +68,8 @@ pub struct PoseOutcome {
     pub surfaces: Stored<PoseSurfaces>,
     /// How it lies to the reference pose; `None` for the reference pose.
     pub registered: Option<Stored<Registered>>,
+    /// Cuts for the report.
+    pub pictures: Stored<PosePictures>,
 }
 
 /// Calls the stages of a study.
@@ -114,7 +123,76 @@ pub fn run(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     if let Some(plan) = &study.compress {
         squeeze(study, plan, run, &mut outcome)?;
     }
+    deliver(study, run, &outcome)?;
     Ok(outcome)
+}
+
+/// The files that people open.
+fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failure> {
+    let provenance = provenance(run);
+    let validations: Vec<_> = outcome.validations.values().cloned().collect();
+    let Outcome { mesh, calibration, compression, phantom, mammograms, metrics, .. } = outcome;
+
+    let deliver = Deliver { study: study.without_files(), provenance: provenance.clone() };
+    let (squeezed, taken) = (compression.as_ref(), mammograms.as_ref());
+    let inputs = (mesh, calibration, &validations[..], squeezed, taken, &metrics[..]);
+    let results = run.stage("", &deliver, inputs)?;
+    run.export("results.h5", &results)?;
+
+    // The reference pose first.
+    let mut names: Vec<&String> = outcome.poses.keys().collect();
+    names.sort_by_key(|name| **name != outcome.reference);
+    let of = |name: &&String| &outcome.poses[*name];
+    let pictures: Vec<_> = names.iter().map(|n| of(n).pictures.clone()).collect();
+    let surfaces: Vec<_> = names.iter().map(|n| of(n).surfaces.clone()).collect();
+    let motions: Vec<_> = names.iter().filter_map(|n| of(n).registered.clone()).collect();
+    let mut warnings = vec![NO_DEVICE.to_owned()];
+    for name in &names {
+        let text = study.poses[*name].warning.as_ref();
+        warnings.extend(text.map(|text| format!("{name}: {text}")));
+    }
+    if study.poses.len() == 1 {
+        warnings.push("One pose only: the moduli are literature values, nothing was fitted, and \
+                       no held-out pose shows the error."
+            .into());
+    }
+    let report = Report {
+        subject: study.subject.id.clone(),
+        poses: names.into_iter().cloned().collect(),
+        warnings,
+        provenance,
+    };
+    let images = (&pictures[..], &surfaces[..], &motions[..]);
+    let mechanics = (mesh, calibration, &validations[..]);
+    let squeezed = (squeezed, phantom.as_ref(), taken, &metrics[..]);
+    let report = run.stage("", &report, (images, mechanics, squeezed))?;
+    run.export("report.html", &report)?;
+
+    if let (Some(taken), Some(plan), Some(picture)) = (taken, &study.compress, &study.mammogram) {
+        for (number, diameter_mm) in picture.calcifications.diameter_mm.iter().enumerate() {
+            let um = (1000.0 * diameter_mm).round();
+            let name = format!("calcifications_{um}um");
+            let raw = run.stage(&name, &RawPicture { number }, taken)?;
+            run.export(&format!("images/{name}.tiff"), &raw)?;
+            let shown = run.stage(&name, &ShownPicture { number, side: plan.side }, taken)?;
+            run.export(&format!("images/{name}.png"), &shown)?;
+        }
+    }
+    Ok(())
+}
+
+/// Version, keys and contents of all results so far.
+fn provenance(run: &Run<'_>) -> Provenance {
+    let record = |entry: Entry| StageRecord {
+        stage: entry.stage,
+        of: entry.label,
+        key: entry.key.map(|key| key.digest).unwrap_or_default(),
+        content: entry.record.map(|record| record.content).unwrap_or_default(),
+    };
+    Provenance {
+        program_version: env!("CARGO_PKG_VERSION").into(),
+        stages: run.calls().into_iter().map(record).collect(),
+    }
 }
 
 /// Labels, surfaces and rigid motions of all images.
@@ -162,7 +240,10 @@ fn images(
             }
             _ => None,
         };
-        poses.insert(name.clone(), PoseOutcome { scan, labels, surfaces, registered });
+        let pictures = Pictures { mm_per_pixel: CUT_MM };
+        let fixed = registered.as_ref().and(poses.get(reference)).map(|fixed| &fixed.scan);
+        let pictures = run.stage(name, &pictures, (&scan, &labels, fixed, registered.as_ref()))?;
+        poses.insert(name.clone(), PoseOutcome { scan, labels, surfaces, registered, pictures });
     }
     Ok(poses)
 }

@@ -1,4 +1,4 @@
-//! Small results are kept as readable JSON.
+//! Results as files: small ones as readable JSON, finished files as their bytes.
 
 use mammotwin_data::Failure;
 use serde::{Serialize, de::DeserializeOwned};
@@ -17,3 +17,39 @@ pub fn load_json<T: DeserializeOwned>(path: &Path) -> Result<T, Failure> {
     let text = fs::read(path).map_err(|error| Failure::io(path, error))?;
     serde_json::from_slice(&text).map_err(|error| Failure::io(path, error))
 }
+
+/// The bytes that `write` puts into a file: some libraries write files only.
+pub fn bytes_of(
+    name: &str,
+    write: impl FnOnce(&Path) -> Result<(), Failure>,
+) -> Result<Vec<u8>, Failure> {
+    let folder = tempfile::tempdir().map_err(|cause| Failure::io("temporary folder", cause))?;
+    let path = folder.path().join(name);
+    write(&path)?;
+    fs::read(&path).map_err(|cause| Failure::io(&path, cause))
+}
+
+/// A finished file, kept as its bytes: `bytes_artifact!("what it is", Name, "extension")`.
+macro_rules! bytes_artifact {
+    ($doc:literal, $name:ident, $extension:literal) => {
+        #[doc = $doc]
+        #[derive(Debug, Clone, PartialEq, Eq)]
+        pub struct $name(pub Vec<u8>);
+
+        impl mammotwin_data::store::Artifact for $name {
+            const EXTENSION: &'static str = $extension;
+
+            fn save(&self, path: &std::path::Path) -> Result<(), mammotwin_data::Failure> {
+                std::fs::write(path, &self.0)
+                    .map_err(|cause| mammotwin_data::Failure::io(path, cause))
+            }
+
+            fn load(path: &std::path::Path) -> Result<Self, mammotwin_data::Failure> {
+                std::fs::read(path)
+                    .map(Self)
+                    .map_err(|cause| mammotwin_data::Failure::io(path, cause))
+            }
+        }
+    };
+}
+pub(crate) use bytes_artifact;

@@ -202,6 +202,11 @@ impl Run<'_> {
         self.mode == Mode::Plan
     }
 
+    /// The calls so far, in their order.
+    pub fn calls(&self) -> Vec<Entry> {
+        self.entries().clone()
+    }
+
     /// A file that a person gave; `name` is its study key, `path` is relative to the study.
     pub fn external<T: Artifact>(&self, name: &str, path: &Path) -> Result<Stored<T>, Failure> {
         self.store.external(name, &self.base.join(path))

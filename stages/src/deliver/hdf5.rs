@@ -1,6 +1,7 @@
 //! `results.h5` as a stage.
 
 use crate::{
+    artifact::{bytes_artifact, bytes_of},
     calibrate::Calibration,
     compress::Compression,
     mammogram::Mammograms,
@@ -16,11 +17,10 @@ use mammotwin_data::{
     metric::Metric,
     progress::Progress,
     radiograph::Radiograph,
-    store::{Artifact, Stage},
+    store::Stage,
     study::Study,
 };
 use serde::Serialize;
-use std::{fs, path::Path};
 
 /// Writes what was found into one file for other programs.
 #[derive(Debug, Clone, Serialize)]
@@ -31,21 +31,7 @@ pub struct Deliver {
     pub provenance: Provenance,
 }
 
-/// The bytes of `results.h5`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ResultsFile(pub Vec<u8>);
-
-impl Artifact for ResultsFile {
-    const EXTENSION: &'static str = "h5";
-
-    fn save(&self, path: &Path) -> Result<(), Failure> {
-        fs::write(path, &self.0).map_err(|cause| Failure::io(path, cause))
-    }
-
-    fn load(path: &Path) -> Result<Self, Failure> {
-        fs::read(path).map(Self).map_err(|cause| Failure::io(path, cause))
-    }
-}
+bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
@@ -109,11 +95,8 @@ impl Stage for Deliver {
             metrics: &metrics,
             provenance: &self.provenance,
         };
-        // The library writes files only; the store keeps the bytes.
-        let folder = tempfile::tempdir().map_err(|cause| Failure::io("temporary folder", cause))?;
-        let path = folder.path().join("results.h5");
-        results::write(&path, &results)?;
-        ResultsFile::load(&path)
+        let bytes = bytes_of("results.h5", |path| results::write(path, &results))?;
+        Ok(ResultsFile(bytes))
     }
 }
 

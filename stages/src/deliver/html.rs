@@ -2,9 +2,10 @@
 
 use super::sections;
 use crate::{
-    align, calibrate, comfort, compress, mammogram, mesh,
-    phantom, quality, register, segment, surface, validate,
-    calibrate::Calibration,
+    align,
+    artifact::bytes_artifact,
+    comfort, compress, mammogram, mesh, phantom, quality, register, segment, surface, validate,
+    calibrate::{self, Calibration},
     compress::Compression,
     mammogram::Mammograms,
     mesh::BreastMesh,
@@ -20,10 +21,9 @@ use crate::{
 use mammotwin_data::{
     Failure,
     progress::Progress,
-    store::{Artifact, Stage},
+    store::Stage,
 };
 use serde::Serialize;
-use std::{fs, path::Path};
 
 /// Writes what was found into one page for people.
 #[derive(Debug, Clone, Serialize)]
@@ -38,21 +38,7 @@ pub struct Report {
     pub provenance: Provenance,
 }
 
-/// The text of `report.html`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct ReportFile(pub String);
-
-impl Artifact for ReportFile {
-    const EXTENSION: &'static str = "html";
-
-    fn save(&self, path: &Path) -> Result<(), Failure> {
-        fs::write(path, &self.0).map_err(|cause| Failure::io(path, cause))
-    }
-
-    fn load(path: &Path) -> Result<Self, Failure> {
-        fs::read_to_string(path).map(Self).map_err(|cause| Failure::io(path, cause))
-    }
-}
+bytes_artifact!("The text of `report.html`.", ReportFile, "html");
 
 /// What was made of the images: cuts and surfaces of all poses, motions of all but the first.
 pub type Images = (Vec<PosePictures>, Vec<PoseSurfaces>, Vec<Registered>);
@@ -95,7 +81,7 @@ impl Stage for Report {
         input.facts = sections::headlines(calibration, validations, compression.as_ref(), &input.metrics);
         input.summary = sections::summary(&self.poses, calibration, validations, compression.as_ref());
         progress.report(0.6, "page");
-        Ok(ReportFile(report::render(&input)?))
+        Ok(ReportFile(report::render(&input)?.into_bytes()))
     }
 }
 
