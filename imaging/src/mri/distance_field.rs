@@ -5,7 +5,10 @@
 //! O(σ⁴/R³) instead of O(σ²/R). The surface is the level, close to one half, that leaves as many
 //! voxels inside as the mask has; distances to it are exact to a few hundredths of the spacing.
 
-use super::{blur::gaussian, nearest_seed::nearest_seeds};
+use super::{
+    blur::gaussian,
+    nearest_seed::{NO_SEED, nearest_seeds},
+};
 use mammotwin_data::{
     Vec3,
     volume::{Grid, Volume},
@@ -184,42 +187,63 @@ fn cubic(image: &Volume<f32>, at: &Vec3) -> f32 {
 /// Signed distance (mm) to the zero level of a smooth field on an isotropic grid along the world
 /// axes. The signs stay; the values become distances.
 ///
-/// Grid points beside the surface find their foot on it by Newton's method; all others take the
-/// nearest of these feet.
+/// Grid points beside the surface find their foot on it by Newton's method; all others measure to
+/// the tangent plane of the nearest of these feet.
 pub fn redistance(level: &Volume<f32>) -> Volume<f32> {
     let grid = &level.grid;
-    let feet: Vec<Option<[f32; 3]>> =
-        (0..grid.len()).into_par_iter().map(|n| foot(level, grid.voxel(n))).collect();
-    let nearest = nearest_seeds(grid.shape, |n| feet[n].is_some());
+    let found: Vec<(usize, Foot)> = (0..grid.len())
+        .into_par_iter()
+        .filter_map(|n| foot(level, grid.voxel(n)).map(|foot| (n, foot)))
+        .collect();
+    let mut slots = vec![NO_SEED; grid.len()];
+    (0..).zip(&found).for_each(|(slot, (n, _))| slots[*n] = slot);
+    let nearest = nearest_seeds(grid.shape, |n| slots[n] != NO_SEED);
     let step = grid.axes[(0, 0)];
+    let foot_of = |seed: usize| found.get(slots[seed] as usize).map(|(_, foot)| foot);
     let distance = |n: usize| {
         let at = grid.voxel(n).map(|v| v as f32);
-        let to = |seed: usize| match feet.get(seed).copied().flatten() {
-            Some(foot) => (0..3).map(|axis| (at[axis] - foot[axis]).powi(2)).sum(),
-            None => f32::INFINITY,
+        let square = |foot: &Foot| foot.from(&at).iter().map(|v| v * v).sum::<f32>();
+        let mut seed = nearest[n] as usize;
+        let Some(mut best) = (seed < grid.len()).then(|| foot_of(seed)).flatten() else {
+            return f32::INFINITY.copysign(level.values[n]);
         };
         // The nearest foot may belong to a neighbour of the nearest seed.
-        let mut seed = nearest[n] as usize;
-        let mut best: f32 = to(seed);
         for _ in 0..WALK {
             let from = seed;
-            if from < grid.len() {
-                for_neighbors(grid.shape, grid.voxel(from), |m| {
-                    let square = to(m);
-                    if square < best {
-                        (best, seed) = (square, m);
-                    }
-                });
-            }
+            for_neighbors(grid.shape, grid.voxel(from), |m| {
+                if let Some(foot) = foot_of(m).filter(|foot| square(foot) < square(best)) {
+                    (best, seed) = (foot, m);
+                }
+            });
             if seed == from {
                 break;
             }
         }
-        let size = best.sqrt() * step as f32;
+        let size = best.distance(&at) * step as f32;
         if level.values[n] < 0.0 { -size } else { size }
     };
     let values = (0..grid.len()).into_par_iter().map(distance).collect();
     Volume { grid: grid.clone(), values }
+}
+
+/// A point of the surface, in voxel coordinates, and the unit normal there.
+struct Foot {
+    point: [f32; 3],
+    normal: [f32; 3],
+}
+
+impl Foot {
+    fn from(&self, at: &[f32; 3]) -> [f32; 3] {
+        [0, 1, 2].map(|axis| at[axis] - self.point[axis])
+    }
+
+    /// Distance to the tangent plane where `at` is straight above, else to the point.
+    fn distance(&self, at: &[f32; 3]) -> f32 {
+        let from = self.from(at);
+        let square: f32 = from.iter().map(|v| v * v).sum();
+        let height: f32 = from.iter().zip(&self.normal).map(|(v, n)| v * n).sum();
+        if square - height * height < 1.0 { height.abs() } else { square.sqrt() }
+    }
 }
 
 /// Steps from the nearest seed to the one with the nearest foot.
@@ -237,8 +261,8 @@ fn for_neighbors(shape: [usize; 3], voxel: [usize; 3], mut visit: impl FnMut(usi
     }
 }
 
-/// Foot on the surface (voxel coordinates) of a grid point that has a neighbour on the other side.
-fn foot(level: &Volume<f32>, voxel: [usize; 3]) -> Option<[f32; 3]> {
+/// Foot on the surface of a grid point that has a neighbour on the other side.
+fn foot(level: &Volume<f32>, voxel: [usize; 3]) -> Option<Foot> {
     let here = level.at(voxel) < 0.0;
     let crosses = (0..3).any(|axis| {
         let last = level.grid.shape[axis] - 1;
@@ -253,7 +277,7 @@ fn foot(level: &Volume<f32>, voxel: [usize; 3]) -> Option<[f32; 3]> {
         return None;
     }
     let start = Vec3::from(voxel.map(|v| v as f64));
-    let mut at = start;
+    let (mut at, mut normal) = (start, Vec3::zeros());
     for _ in 0..4 {
         let (value, gradient) = value_and_gradient(level, &at);
         let square = gradient.norm_squared();
@@ -261,14 +285,15 @@ fn foot(level: &Volume<f32>, voxel: [usize; 3]) -> Option<[f32; 3]> {
             return None;
         }
         // Newton's step towards the level, then back to straight below the grid point.
-        let normal = gradient / square.sqrt();
+        normal = gradient / square.sqrt();
         let below = at - gradient * (value / square);
         at = start - normal * normal.dot(&(start - below));
         if (at - start).norm() > 2.0 {
             return None;
         }
     }
-    Some([at.x as f32, at.y as f32, at.z as f32])
+    let single = |v: Vec3| [v.x as f32, v.y as f32, v.z as f32];
+    Some(Foot { point: single(at), normal: single(normal) })
 }
 
 /// Value and gradient per voxel, by cubics.

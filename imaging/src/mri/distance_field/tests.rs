@@ -85,7 +85,7 @@ fn redistancing_keeps_the_distance_to_a_ball() {
     for n in 0..field.values.len() {
         let d = exact(&field.grid.center(field.grid.voxel(n)));
         let error = (f64::from(field.values[n]) - d).abs();
-        assert!(error < 0.09, "{error} mm at {d} mm");
+        assert!(error < 0.06, "{error} mm at {d} mm");
     }
 }
 
