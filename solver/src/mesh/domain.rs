@@ -109,7 +109,7 @@ pub fn project(domain: &dyn Domain, p: &Vec3, set: PatchSet, reach_mm: f64) -> O
             return Some(at);
         }
         at -= shortest_step(domain, &at, patches, &here)?;
-        if !((at - p).norm() <= reach_mm) {
+        if (at - p).norm() > reach_mm {
             return None;
         }
     }

@@ -9,9 +9,12 @@ mod bodies;
 pub mod clip;
 pub mod crop;
 pub mod domain;
+mod flip;
+pub mod improve;
 pub mod lattice;
 pub mod locate;
 pub mod quality;
+mod smooth;
 pub mod tetrahedralize;
 pub mod topology;
 

@@ -3,6 +3,7 @@
 use super::{
     clip::{Draft, clip},
     domain::{Domain, PatchDistances, PatchSet},
+    improve::improve,
     lattice::{Lattice, Placement},
     topology::{OuterFace, face_neighbors, largest_component, pinched_nodes},
 };
@@ -82,6 +83,9 @@ pub fn tetrahedralize(
     let size_mm = meshing.size_mm;
     let lattice = lattice(domain, meshing)?;
     let (mut draft, patches) = lattice_draft(domain, &lattice);
+    if patches.is_empty() {
+        return Err(MeshError::BadInput("no surface bounds the body; name its patches".into()));
+    }
     for patch in patches {
         clip(&mut draft, domain, patch, lattice.cell_mm());
         draft.keep_largest();
@@ -89,14 +93,14 @@ pub fn tetrahedralize(
     if draft.tets.is_empty() {
         return Err(MeshError::Empty { size_mm });
     }
+    improve(&mut draft, domain, size_mm);
     let (_, outer) = face_neighbors(&draft.tets);
     if let Some(&node) = pinched_nodes(&outer).first() {
         return Err(MeshError::NotManifold { at: draft.points[node as usize], size_mm });
     }
     let centroid =
         |tet: &[u32; 4]| tet.iter().map(|&n| draft.points[n as usize]).sum::<Vec3>() / 4.0;
-    if let Some(flat) =
-        draft.tets.iter().find(|tet| !(TetMesh::tet_volume(&draft.points, tet) > 0.0))
+    if let Some(flat) = draft.tets.iter().find(|tet| TetMesh::tet_volume(&draft.points, tet) <= 0.0)
     {
         return Err(MeshError::Flat { at: centroid(flat), size_mm });
     }
