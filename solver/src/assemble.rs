@@ -118,6 +118,11 @@ impl Assembly {
         Ok(assembly)
     }
 
+    /// Number of pressure unknowns.
+    pub fn pressures(&self) -> usize {
+        self.compliance.as_ref().map_or(0, |factors| factors.pattern().len())
+    }
+
     /// Sparsity of the matrix.
     pub fn pattern(&self) -> &Pattern {
         &self.pattern
@@ -170,7 +175,7 @@ impl Assembly {
         pressure: &mut Vec<f64>,
     ) -> Result<f64, EnergyError> {
         let mut energy = 0.0;
-        let mut dilatation = vec![0.0; self.compliance.as_ref().map_or(0, |c| c.pattern().len())];
+        let mut dilatation = vec![0.0; self.pressures()];
         for (index, term) in model.terms().iter().enumerate() {
             let at = At { points, pressure: &[], ..state.at(index) };
             let parts: Vec<Result<(f64, f64), Refusal>> = (0..term.elements())

@@ -7,6 +7,7 @@
 //! No input or output, no clock: values in, values out.
 
 pub mod assemble;
+pub mod compress;
 pub mod distance;
 pub mod linear;
 pub mod materials;
@@ -14,6 +15,7 @@ pub mod mesh;
 pub mod model;
 pub mod newton;
 pub mod ordering;
+pub mod paddles;
 pub mod solve;
 pub mod terms;
 pub mod unload;

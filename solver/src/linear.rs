@@ -8,8 +8,8 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LdltRef, SymbolicCholesky, SymmetricOrdering,
-    factorize_symbolic_cholesky,
+    CholeskySymbolicParams, LdltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky, supernodal::SupernodalLdltRef,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
@@ -164,6 +164,17 @@ impl Ldlt {
         factored.map(|_| ()).map_err(|_| LinearError::Singular)
     }
 
+    /// Number of negative pivots of the last factors: the number of negative eigenvalues.
+    pub fn negative_pivots(&self) -> usize {
+        let SymbolicCholeskyRaw::Supernodal(symbolic) = self.symbolic.raw() else { return 0 };
+        let factors = SupernodalLdltRef::new(symbolic, &self.factors);
+        let negative = |supernode: usize| {
+            let block = factors.supernode(supernode).val();
+            (0..block.ncols()).filter(|&column| block[(column, column)] < 0.0).count()
+        };
+        (0..symbolic.n_supernodes()).map(negative).sum()
+    }
+
     /// Solves A x = `rhs` with the last factors and iterative refinement.
     ///
     /// # Errors
@@ -221,6 +232,7 @@ mod tests {
         let (pattern, values) = small();
         let mut ldlt = Ldlt::analyse(pattern).unwrap();
         ldlt.factor(&values).unwrap();
+        assert_eq!(ldlt.negative_pivots(), 1);
         let mut x = Vec::new();
         ldlt.solve(&[12.0, 7.0, -13.0], &mut x).unwrap();
         for (got, want) in x.iter().zip([1.0, 2.0, 3.0]) {

@@ -159,6 +159,11 @@ impl Newton {
         } else {
             self.system.factor(&self.values).ok()?;
         }
+        // More negative pivots than pressures: the energy is not convex here, and Newton's step
+        // leads to a saddle.
+        if self.system.negative_pivots() != self.assembly.pressures() {
+            return None;
+        }
         let rhs = self.assembly.right_hand_side(&self.gradient);
         self.system.solve(&rhs, &mut self.step).ok()?;
         let direction = self.assembly.displacement(&self.step);

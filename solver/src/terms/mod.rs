@@ -9,6 +9,7 @@ pub mod cable;
 pub mod gravity;
 pub mod grid_distance;
 pub mod membrane;
+pub mod plate;
 pub mod sliding;
 pub mod target;
 pub mod testing;

@@ -1,9 +1,11 @@
 //! Every term against finite differences.
 
+use super::plate::{Plate, PlateKind};
 use super::{
     At, Bulk, Cable, Cables, Gravity, Load, Membrane, Sliding, Term as _, target::Cylinder, testing,
 };
 use crate::materials::Law;
+use crate::paddles::RoundedPlate;
 use mammotwin_data::{Vec3, labels::Tissue, mesh::TetMesh, study::LawName};
 use std::sync::Arc;
 
@@ -101,4 +103,32 @@ fn sliding() {
     term.update_multipliers(&mesh.points, &[0.2; 5], Load::GRAVITY, &mut memory);
     assert!(memory.iter().all(|m| *m != 0.0));
     assert!(Sliding::new("wall", &mesh.points, &faces, Arc::new(cylinder), 0.1).is_err());
+}
+
+#[test]
+fn plate() {
+    let mesh = pair();
+    let shape = RoundedPlate {
+        into: Vec3::new(0.0, 0.6, 0.8),
+        away: Vec3::new(0.0, -0.8, 0.6),
+        edge_mm: -6.0,
+        radius_mm: 7.0,
+    };
+    let faces = [[0, 1, 3], [1, 4, 3]];
+    for (kind, receptor_mm, thickness_mm) in
+        [(PlateKind::Receptor, -1.0, 5.0), (PlateKind::Paddle, 0.0, 2.0)]
+    {
+        let term = Plate::new(kind, shape, &mesh.points, &faces);
+        let points = moved(&mesh);
+        let load = Load { gravity: 1.0, receptor_mm, thickness_mm };
+        let mut memory = term.first_memory(&points);
+        let shear_kpa = &[0.2; 5];
+        for _ in 0..2 {
+            let at = At { points: &points, pressure: &[], memory: &memory, shear_kpa, load };
+            testing::check(&term, &at);
+            assert!(term.contact(&at).unwrap().penetration_mm > 0.0);
+            assert!(!term.node_forces(&at).is_empty());
+            term.update_multipliers(&points, shear_kpa, load, &mut memory);
+        }
+    }
 }

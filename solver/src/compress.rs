@@ -1,0 +1,335 @@
+//! Squeezes a body between a receptor and a paddle, and records force against thickness.
+
+use crate::assemble::State;
+use crate::model::{Model, ModelError};
+use crate::newton::Newton;
+use crate::paddles::RoundedPlate;
+use crate::solve::{self, Options, SolveError};
+use crate::terms::Load;
+use crate::terms::plate::{Plate, PlateKind};
+use crate::terms::sliding::node_areas;
+use mammotwin_data::{
+    Vec3,
+    progress::{Progress, Silent},
+    solution::{Checks, Solution},
+};
+
+/// The two plates, and what they press on.
+#[derive(Debug, Clone)]
+pub struct Plates {
+    /// Unit vector from the receptor to the paddle.
+    pub axis: Vec3,
+    /// Unit vector away from the chest wall, along the plates.
+    pub away: Vec3,
+    /// Coordinate of the chest-wall edge of both plates along `away` (mm).
+    pub edge_mm: f64,
+    /// Radius of the rounded edges (mm).
+    pub radius_mm: f64,
+    /// Skin that the plates may touch.
+    pub faces: Vec<[u32; 3]>,
+}
+
+/// How the plates come together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Closing {
+    /// Position of the receptor along the axis at the start (mm).
+    pub receptor_mm: f64,
+    /// Distance of the plates at the start (mm).
+    pub thickness_mm: f64,
+    /// Share of the closing that the receptor makes (0: it rests; 0.5: both move alike).
+    pub receptor_share: f64,
+    /// Largest change of the thickness between recorded states (mm).
+    pub step_mm: f64,
+    /// When it ends.
+    pub stop: Stop,
+}
+
+/// When the plates stop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Stop {
+    /// At a distance of the plates (mm).
+    ThicknessMm(f64),
+    /// At a force of the paddle (mN), to 1 %.
+    ForceMn(f64),
+}
+
+/// One state on the way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// Distance of the plates (mm).
+    pub thickness_mm: f64,
+    /// Position of the receptor along the axis (mm).
+    pub receptor_mm: f64,
+    /// Force of the paddle along the axis (mN), positive when pressing.
+    pub paddle_force_mn: f64,
+    /// Force of the receptor along the axis (mN), positive when pressing.
+    pub receptor_force_mn: f64,
+    /// Area of the skin that the paddle touches (mm²).
+    pub contact_area_mm2: f64,
+    /// Force of the paddle over its contact area (kPa).
+    pub mean_pressure_kpa: f64,
+    /// Largest contact pressure under either plate (kPa).
+    pub peak_pressure_kpa: f64,
+    /// Contact pressure of both plates at each node (kPa).
+    pub contact_pressure_kpa: Vec<f64>,
+    /// Node positions (mm).
+    pub points: Vec<Vec3>,
+}
+
+/// What a compression gives.
+#[derive(Debug)]
+pub struct Compressed {
+    /// From the first to the last thickness.
+    pub steps: Vec<Step>,
+    /// The last state.
+    pub solution: Solution,
+    /// Why the plates stopped before their goal; `None` when they reached it.
+    pub stopped_early: Option<SolveError>,
+}
+
+impl Plates {
+    /// Receptor position and thickness (mm) at which both plates just touch the faces.
+    pub fn touching(&self, points: &[Vec3]) -> (f64, f64) {
+        let along = |&n: &u32| self.axis.dot(&points[n as usize]);
+        let in_reach = |n: &&u32| self.away.dot(&points[**n as usize]) >= self.edge_mm;
+        let heights = || self.faces.iter().flatten().filter(in_reach).map(along);
+        let (low, high) =
+            heights().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), z| (l.min(z), h.max(z)));
+        (low, high - low)
+    }
+
+    fn plate(&self, kind: PlateKind, points: &[Vec3]) -> Plate {
+        let into = match kind {
+            PlateKind::Receptor => -self.axis,
+            PlateKind::Paddle => self.axis,
+        };
+        let shape = RoundedPlate {
+            into,
+            away: self.away,
+            edge_mm: self.edge_mm,
+            radius_mm: self.radius_mm,
+        };
+        Plate::new(kind, shape, points, &self.faces)
+    }
+
+    /// # Errors
+    /// No body within reach, directions that are not perpendicular unit vectors, or a closing
+    /// without meaning.
+    fn check(&self, closing: &Closing) -> Result<(), ModelError> {
+        let refuse = |what, value, remedy| {
+            Err(ModelError::Value { term: "plates".into(), what, value, remedy })
+        };
+        let skew = (self.axis.norm() - 1.0)
+            .abs()
+            .max((self.away.norm() - 1.0).abs())
+            .max(self.axis.dot(&self.away).abs());
+        if !(skew < 1e-6) {
+            let remedy = "give perpendicular unit vectors";
+            return refuse("departure of axis and away from unit vectors", skew, remedy);
+        }
+        for (what, value) in [
+            ("radius of the edges (mm)", self.radius_mm),
+            ("thickness at the start (mm)", closing.thickness_mm),
+            ("step (mm)", closing.step_mm),
+            match closing.stop {
+                Stop::ThicknessMm(thickness) => ("final thickness (mm)", thickness),
+                Stop::ForceMn(force) => ("final force (mN)", force),
+            },
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return refuse(what, value, "give a positive one");
+            }
+        }
+        if !closing.receptor_mm.is_finite() || !(0.0..=1.0).contains(&closing.receptor_share) {
+            let share = closing.receptor_share;
+            return refuse("share of the receptor", share, "give a place, and a share from 0 to 1");
+        }
+        Ok(())
+    }
+}
+
+/// Thinnest gap (mm) that is tried for a force.
+const THINNEST_MM: f64 = 5.0;
+/// A force is met within this part of it.
+const FORCE_TOLERANCE: f64 = 0.01;
+/// Most trials to meet a force.
+const FORCE_TRIALS: usize = 12;
+
+/// Closes the plates on the model, whose nodes begin at `start` (mm) in equilibrium or near it.
+///
+/// # Errors
+/// Plates or a closing without meaning, or no equilibrium at the first thickness. A later
+/// failure is [`Compressed::stopped_early`], with all states before it.
+pub fn compress(
+    mut model: Model,
+    plates: &Plates,
+    closing: &Closing,
+    start: &[Vec3],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Compressed, SolveError> {
+    let refuse = |error: ModelError| SolveError::Assembly(error.into());
+    plates.check(closing).map_err(refuse)?;
+    let receptor = plates.plate(PlateKind::Receptor, &model.rest);
+    let paddle = plates.plate(PlateKind::Paddle, &model.rest);
+    let indices = [model.terms().len(), model.terms().len() + 1];
+    model.add(receptor.clone()).map_err(refuse)?;
+    model.add(paddle.clone()).map_err(refuse)?;
+    let at = |thickness_mm: f64| Load {
+        gravity: 1.0,
+        receptor_mm: closing.receptor_mm
+            + closing.receptor_share * (closing.thickness_mm - thickness_mm),
+        thickness_mm,
+    };
+    let (newton, state) = solve::prepare(&model, start, at(closing.thickness_mm))?;
+    let mut press = Press {
+        model,
+        plates,
+        receptor,
+        paddle,
+        indices,
+        newton,
+        options,
+        counts: Checks::default(),
+    };
+    let mut state = state;
+    press.walk(&mut state, at(closing.thickness_mm))?;
+    let mut steps = vec![press.record(&state)];
+    let goal = match closing.stop {
+        Stop::ThicknessMm(thickness) => thickness,
+        Stop::ForceMn(_) => THINNEST_MM,
+    };
+    let mut stopped_early = None;
+    while state.load.thickness_mm > goal {
+        let thickness = f64::max(goal, state.load.thickness_mm - closing.step_mm);
+        let before = state.clone();
+        if let Err(error) = press.walk(&mut state, at(thickness)) {
+            stopped_early = Some(error);
+            break;
+        }
+        let mut step = press.record(&state);
+        let reached = match closing.stop {
+            Stop::ForceMn(force) if step.paddle_force_mn >= force => {
+                let low = steps.last().map_or(0.0, |s| s.paddle_force_mn);
+                let met = press.meet(&before, low, &state, step.paddle_force_mn, force, &at);
+                match met {
+                    Ok(found) => state = found,
+                    Err(error) => stopped_early = Some(error),
+                }
+                step = press.record(&state);
+                true
+            }
+            _ => false,
+        };
+        progress.report(
+            fraction(closing, &step, goal),
+            &format!("{:.1} mm, {:.1} N", step.thickness_mm, step.paddle_force_mn / 1000.0),
+        );
+        steps.push(step);
+        if reached {
+            break;
+        }
+    }
+    let solution = solve::finish(&press.newton, &press.model, &state, press.counts)?;
+    Ok(Compressed { steps, solution, stopped_early })
+}
+
+fn fraction(closing: &Closing, step: &Step, goal: f64) -> f64 {
+    let done = match closing.stop {
+        Stop::ThicknessMm(_) => {
+            (closing.thickness_mm - step.thickness_mm) / (closing.thickness_mm - goal)
+        }
+        Stop::ForceMn(force) => step.paddle_force_mn / force,
+    };
+    done.clamp(0.0, 1.0)
+}
+
+/// A model between plates.
+struct Press<'a> {
+    model: Model,
+    plates: &'a Plates,
+    receptor: Plate,
+    paddle: Plate,
+    /// Of receptor and paddle among the terms.
+    indices: [usize; 2],
+    newton: Newton,
+    options: &'a Options,
+    counts: Checks,
+}
+
+impl Press<'_> {
+    fn walk(&mut self, state: &mut State, load: Load) -> Result<(), SolveError> {
+        let counts = &mut self.counts;
+        solve::walk(&mut self.newton, &self.model, state, load, self.options, counts, &Silent)
+    }
+
+    /// The state between `thick` and `thin` at which the paddle's force is `force` (mN).
+    fn meet(
+        &mut self,
+        thick: &State,
+        low_mn: f64,
+        thin: &State,
+        high_mn: f64,
+        force_mn: f64,
+        at: &impl Fn(f64) -> Load,
+    ) -> Result<State, SolveError> {
+        let (mut wide, mut wide_mn) = (thick.load.thickness_mm, low_mn);
+        let (mut narrow, mut narrow_mn) = (thin.load.thickness_mm, high_mn);
+        let mut found = thin.clone();
+        for _ in 0..FORCE_TRIALS {
+            if (narrow_mn / force_mn - 1.0).abs() <= FORCE_TOLERANCE {
+                break;
+            }
+            // The force curves upwards: stay away from the ends of the bracket.
+            let part = ((force_mn - wide_mn) / (narrow_mn - wide_mn)).clamp(0.1, 0.9);
+            let thickness = wide + part * (narrow - wide);
+            let mut trial = thick.clone();
+            self.walk(&mut trial, at(thickness))?;
+            let trial_mn = self.record(&trial).paddle_force_mn;
+            if (trial_mn / force_mn - 1.0).abs() <= FORCE_TOLERANCE {
+                return Ok(trial);
+            }
+            if trial_mn < force_mn {
+                (wide, wide_mn) = (thickness, trial_mn);
+            } else {
+                (narrow, narrow_mn) = (thickness, trial_mn);
+                found = trial;
+            }
+        }
+        Ok(found)
+    }
+
+    fn record(&self, state: &State) -> Step {
+        let axis = self.plates.axis;
+        let areas = node_areas(&state.points, &self.plates.faces);
+        let mut pressures = vec![0.0; state.points.len()];
+        let mut sums = [0.0, 0.0];
+        let mut contact_area = 0.0;
+        for (which, plate) in [&self.receptor, &self.paddle].into_iter().enumerate() {
+            for (node, force) in plate.node_forces(&state.at(self.indices[which])) {
+                sums[which] += force.dot(&axis);
+                let area = areas.get(&node).copied().unwrap_or(f64::INFINITY);
+                pressures[node as usize] += force.norm() / area;
+                if which == 1 {
+                    contact_area += area;
+                }
+            }
+        }
+        let (receptor_force_mn, paddle_force_mn) = (sums[0], -sums[1]);
+        Step {
+            thickness_mm: state.load.thickness_mm,
+            receptor_mm: state.load.receptor_mm,
+            paddle_force_mn,
+            receptor_force_mn,
+            contact_area_mm2: contact_area,
+            mean_pressure_kpa: if contact_area > 0.0 {
+                paddle_force_mn / contact_area
+            } else {
+                0.0
+            },
+            peak_pressure_kpa: pressures.iter().copied().fold(0.0, f64::max),
+            contact_pressure_kpa: pressures,
+            points: state.points.clone(),
+        }
+    }
+}
