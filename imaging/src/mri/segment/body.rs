@@ -77,8 +77,12 @@ pub(super) fn find(
     let whole_back = sees_back(&tissue, grid, axis_j);
     for k in 0..nk {
         for (start, step) in [(0, 1isize), (ni - 1, -1)] {
-            let mut reach = ni;
+            let mut widest = ni;
             for j in (0..=axis_j).rev() {
+                // Through a border of the image that is oblique to the body, or without a back
+                // in sight, no line gets further than beside the axis.
+                let oblique = !inside[grid.index([start.wrapping_add_signed(3 * step), j, k])];
+                let reach = if oblique || !whole_back { widest } else { ni };
                 let mut steps = 0;
                 let mut i = start;
                 while steps < reach && i < ni && !tissue[grid.index([i, j, k])] {
@@ -86,8 +90,8 @@ pub(super) fn find(
                     steps += 1;
                     i = i.wrapping_add_signed(step);
                 }
-                if !whole_back && j == axis_j {
-                    reach = steps;
+                if j == axis_j {
+                    widest = steps;
                 }
             }
         }

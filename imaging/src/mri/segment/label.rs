@@ -11,6 +11,9 @@ use mammotwin_data::volume::Volume;
 use mammotwin_data::{Vec3, labels::LabelMap};
 use rayon::prelude::*;
 
+/// Voxels up to this size (mm) tell skin from fat.
+const RESOLVES_SKIN_MM: f64 = 1.3;
+
 /// Where a voxel is; `Breast` is divided into tissues afterwards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Place {
@@ -120,6 +123,23 @@ pub(super) fn assign(
         .filter(|&n| places[n] == Place::Breast && depth[n] > skin_depth + 2.0)
         .map(|n| brightness.values[n]);
     let classes = tissue::classify(deep);
+    // Fine voxels show how thick skin is: under the first layer, only what is darker than fat.
+    let coarsest = grid.spacing_mm().into_iter().fold(0.0, f64::max);
+    let resolved = coarsest <= RESOLVES_SKIN_MM;
+    let first_layer = 1.01 * coarsest as f32;
+    let is_skin = |n: usize, classes: &Classes| {
+        let dark = f64::from(brightness.values[n]) < 0.75 * classes.fat;
+        depth[n] <= skin_depth && (!resolved || dark || depth[n] <= first_layer)
+    };
+    // A voxel that shares in the muscle is as dark as gland: look a little further out.
+    let finest = 2.0 * half_voxel;
+    let beside_wall = |p: &Vec3| {
+        let (radius, at) = wall.polar.locate(p);
+        let ahead = radius - f64::from(wall.polar.value(&wall.front, at));
+        let outwards = Vec3::new(p.x - wall.polar.axis[0], p.y - wall.polar.axis[1], 0.0);
+        let further = p + outwards * (1.5 * finest / radius.max(1.0));
+        if ahead < 1.2 * finest { shaded.at(&further) } else { None }
+    };
     let mut labels = vec![Tissue::Background; grid.len()];
     labels.par_chunks_mut(slice).enumerate().for_each(|(k, labels)| {
         for (n, label) in labels.iter_mut().enumerate() {
@@ -129,10 +149,11 @@ pub(super) fn assign(
                 Place::Muscle => Tissue::PectoralMuscle,
                 Place::Thorax => Tissue::Thorax,
                 Place::Other => Tissue::Other,
-                Place::Breast if depth[n] <= skin_depth => Tissue::Skin,
+                Place::Breast if is_skin(n, &classes) => Tissue::Skin,
                 Place::Breast => {
                     let p = body_point(n);
-                    let gland = f64::from(brightness.values[n]) < classes.threshold;
+                    let value = beside_wall(&p).unwrap_or(brightness.values[n]);
+                    let gland = f64::from(value) < classes.threshold;
                     match (gland, limits.from_sternum(p.x, p.z) >= 0.0) {
                         (false, true) => Tissue::AdiposeRight,
                         (false, false) => Tissue::AdiposeLeft,

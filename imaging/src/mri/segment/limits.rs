@@ -36,8 +36,10 @@ pub(super) fn slot(side: Side) -> usize {
 
 /// A breast ends where its cross-section is this fraction of its largest ...
 const END_FRACTION: f64 = 0.1;
-/// ... and a margin (mm).
-const MARGIN_MM: f64 = 10.0;
+/// ... and so much further down (mm), at about the costal margin, ...
+const BELOW_MM: f64 = 27.0;
+/// ... and up (mm), below the clavicle.
+const ABOVE_MM: f64 = 32.0;
 
 /// Measures the limits on the wall and on the tissue in front of it. `None` if nothing protrudes.
 pub(super) fn find(wall: &Wall) -> Option<BodyLimits> {
@@ -56,7 +58,7 @@ pub(super) fn find(wall: &Wall) -> Option<BodyLimits> {
         let ended = |row: &usize| area[*row] < END_FRACTION * area[peak];
         let low = (0..peak).rev().find(ended).map_or(0.0, |row| row as f64);
         let high = (peak..n_z).find(ended).map_or((n_z - 1) as f64, |row| row as f64);
-        limits.z[side] = [height(low) - MARGIN_MM, height(high) + MARGIN_MM];
+        limits.z[side] = [height(low) - BELOW_MM, height(high) + ABOVE_MM];
         limits.at_border[side] = [area[0] / area[peak], area[n_z - 1] / area[peak]];
     }
     Some(limits)

@@ -12,6 +12,7 @@
 //! costal margin).
 
 mod body;
+mod border;
 mod depth;
 mod error;
 mod filter;
@@ -24,6 +25,11 @@ mod shading;
 mod tissue;
 mod wall;
 
+#[cfg(test)]
+mod phantom;
+#[cfg(test)]
+mod tests;
+
 pub use error::{Border, SegmentError, Warning};
 pub use tissue::Classes;
 pub use wall::NOMINAL_MUSCLE_MM;
@@ -33,6 +39,7 @@ use mammotwin_data::Vec3;
 use mammotwin_data::labels::{LabelMap, Side};
 use mammotwin_data::progress::Progress;
 use mammotwin_data::rigid::RigidTransform;
+use mammotwin_data::surface::TriMesh;
 use mammotwin_data::volume::{Grid, Volume};
 use shading::Shaded;
 
@@ -67,7 +74,10 @@ pub struct Segmentation {
     /// Brightness of fat at each place, in the image's units, on a coarse grid of the image's
     /// millimetres: dividing by it takes the coils' shading away.
     pub shading: Volume<f32>,
-    /// Brightness of gland and fat relative to it.
+    /// Front of the pectoral muscle (and of the sternum between the muscles): an open patch in
+    /// front of the lateral plane, in the image's millimetres, normals to the front.
+    pub chest_wall: TriMesh,
+    /// Brightness of gland and fat relative to the shading.
     pub classes: Classes,
     /// Part of the chest wall behind the breasts on which fat and muscle were told apart, 0..=1.
     pub wall_seen: f64,
@@ -92,11 +102,6 @@ pub struct Limits {
     /// Lowest and highest z of the left breast.
     pub left_z_mm: [f64; 2],
 }
-
-/// A cross-section at the border above this part of the largest means a cut breast.
-const CUT_FRACTION: f64 = 0.75;
-/// Above this part, it deserves a warning.
-const ENDS_FRACTION: f64 = 0.2;
 
 /// Segments a scan. Deterministic; the image needs bright fat and dark muscle (T2 or T1 weighted,
 /// without fat suppression).
@@ -148,13 +153,15 @@ pub fn segment(
 
     progress.report(0.7, "breast limits");
     let limits = limits::find(&wall).ok_or(SegmentError::NoBreast)?;
-    let mut warnings = check_borders(&limits)?;
+    let mut warnings = border::check_heights(&limits)?;
 
     progress.report(0.75, "labels");
     let brightness = label::brightness(&shaded);
     let mask = label::body_mask(&shaded, &brightness, &work, &body);
     let (labels, classes) =
         label::assign(&shaded, &brightness, &mask, &wall, &limits, options.skin_mm);
+
+    border::check_faces(&labels, &frame, &limits)?;
 
     let wall_seen =
         wall.contrast.iter().filter(|c| **c > 0.3).count() as f64 / wall.contrast.len() as f64;
@@ -189,26 +196,10 @@ pub fn segment(
             },
             values: field.log.values.iter().map(|v| v.exp()).collect(),
         },
+        chest_wall: wall.front_patch(limits.lateral_y, &image_from_body),
         classes,
         wall_seen,
         muscle_rear_seen: wall.rear_seen,
         warnings,
     })
-}
-
-/// Refuses a cut breast, and warns of one that ends at a border.
-fn check_borders(limits: &limits::BodyLimits) -> Result<Vec<Warning>, SegmentError> {
-    let mut warnings = Vec::new();
-    for side in [Side::Right, Side::Left] {
-        let at_border = limits.at_border[limits::slot(side)];
-        for (border, fraction) in [Border::Inferior, Border::Superior].into_iter().zip(at_border) {
-            if fraction > CUT_FRACTION {
-                return Err(SegmentError::BreastCut { side, border });
-            }
-            if fraction > ENDS_FRACTION {
-                warnings.push(Warning::EndsAtBorder { side, border, percent: 100.0 * fraction });
-            }
-        }
-    }
-    Ok(warnings)
 }

@@ -14,8 +14,8 @@ const SIGMA_MM: f64 = 16.0;
 const FAT_WITHIN_MM: f64 = 20.0;
 /// Depth (mm) below the surface of the body to which fat is looked for.
 const SHELL_MM: f64 = 32.0;
-/// Voxels this much darker than fat at their place are not fat.
-const FAT_FRACTION: f32 = 0.6;
+/// Voxels this much darker than fat at their place are not fat; pass by pass.
+const FAT_FRACTION: [f32; 5] = [0.6, 0.6, 0.65, 0.7, 0.75];
 
 /// Fat far from the coils is at least this fraction of the brightest fat; fainter is noise.
 const FAINTEST_FAT: f32 = 0.15;
@@ -60,10 +60,10 @@ pub(super) fn estimate(work: &Volume<f32>, body: &[bool], tissue_from: f32) -> O
     let mut envelope = coarse.values.clone();
     filter::maximum(&mut envelope, shape, (FAT_WITHIN_MM / SPACING_MM) as usize);
     let mut field: Vec<f32> = envelope.iter().map(|v| v.max(tissue_from).ln()).collect();
-    for _ in 0..4 {
+    for darkest in FAT_FRACTION {
         let is_fat = |n: usize| {
             let ratio = coarse.values[n] / field[n].exp();
-            usable(n) && ratio > FAT_FRACTION && ratio < 1.0 / FAT_FRACTION
+            usable(n) && ratio > darkest && ratio < 1.0 / darkest
         };
         let weight: Vec<f32> = (0..field.len()).map(|n| f32::from(u8::from(is_fat(n)))).collect();
         field = smooth_logs(&coarse.values, &weight, shape)?;

@@ -17,7 +17,7 @@ const BRIGHTEST: f64 = 1.6;
 
 /// Fits two normal distributions to brightnesses by expectation maximisation.
 ///
-/// The threshold is where both classes are equally likely, kept between 0.45 and 0.75 of the
+/// The threshold is where both classes are equally likely, kept between 0.45 and 0.7 of the
 /// brightness of fat: a breast almost without gland must not have its fat split in two.
 pub(super) fn classify(values: impl Iterator<Item = f32>) -> Classes {
     let mut histogram = [0.0f64; BINS];
@@ -29,7 +29,7 @@ pub(super) fn classify(values: impl Iterator<Item = f32>) -> Classes {
     let (mut mean, mut deviation, mut share) = ([0.45, 1.0], [0.15, 0.12], [0.2, 0.8]);
     let total: f64 = histogram.iter().sum();
     if total == 0.0 {
-        return Classes { gland: mean[0], fat: mean[1], threshold: 0.7 };
+        return Classes { gland: mean[0], fat: mean[1], threshold: 0.65 };
     }
     let likelihood = |x: f64, class: usize, mean: &[f64; 2], dev: &[f64; 2], share: &[f64; 2]| {
         let z = (x - mean[class]) / dev[class];
@@ -60,7 +60,7 @@ pub(super) fn classify(values: impl Iterator<Item = f32>) -> Classes {
         likelihood(*x, 1, &mean, &deviation, &share) >= likelihood(*x, 0, &mean, &deviation, &share)
     };
     let equal = (0..BINS).map(center).filter(|x| *x > mean[0]).find(more_fat);
-    let threshold = equal.unwrap_or(0.7 * mean[1]).clamp(0.45 * mean[1], 0.75 * mean[1]);
+    let threshold = equal.unwrap_or(0.65 * mean[1]).clamp(0.45 * mean[1], 0.7 * mean[1]);
     Classes { gland: mean[0], fat: mean[1], threshold }
 }
 

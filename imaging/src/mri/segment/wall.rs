@@ -6,12 +6,18 @@ use super::frame::sample_clamped;
 use super::polar::Polar;
 use super::search::{Columns, optimal_surface, smooth_map};
 use super::shading::Shaded;
+use mammotwin_data::Vec3;
+use mammotwin_data::rigid::RigidTransform;
+use mammotwin_data::surface::TriMesh;
 use mammotwin_data::volume::Volume;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// Thickness (mm) of the muscle where its rear is not seen.
+/// Thickness (mm) of the belly of the muscle where its rear is not seen; half-way between the
+/// sternum and the side.
 pub const NOMINAL_MUSCLE_MM: f64 = 10.0;
+/// Thickness (mm) of the muscle at the sternum and at the side where its rear is not seen.
+const NOMINAL_THIN_MM: f64 = 4.0;
 /// Tissue darker than this fraction of fat is not fat.
 const FAT_ABOVE: f32 = 0.55;
 /// Skin and fat in front of the wall are at least this thick (mm).
@@ -39,6 +45,29 @@ pub(super) struct Wall {
     pub rear_seen: f64,
     /// Whether the image shows the back of the body.
     pub whole_back: bool,
+}
+
+impl Wall {
+    /// The front of the muscle where y exceeds `least_y`, moved by `motion`.
+    pub(super) fn front_patch(&self, least_y: f64, motion: &RigidTransform) -> TriMesh {
+        let [n_u, n_v] = self.polar.shape;
+        let radius = |column: usize| f64::from(self.front[column]);
+        let points: Vec<Vec3> =
+            (0..self.polar.len()).map(|c| self.polar.point(c, radius(c))).collect();
+        let mut triangles = Vec::new();
+        for v in 1..n_v {
+            for u in 1..n_u {
+                let [a, b] = [(v - 1) * n_u + u - 1, (v - 1) * n_u + u];
+                let [c, d] = [b + n_u, a + n_u];
+                if [a, b, c, d].iter().all(|&n| points[n].y > least_y) {
+                    triangles.push([a as u32, b as u32, c as u32]);
+                    triangles.push([a as u32, c as u32, d as u32]);
+                }
+            }
+        }
+        let points = points.iter().map(|p| motion.point(p)).collect();
+        TriMesh { points, triangles }.compacted().0
+    }
 }
 
 /// Finds the wall. `work` is brightness in units of fat on the work grid, `fine` on the image.
@@ -268,12 +297,18 @@ fn refine(polar: &Polar, fine: &Shaded, rough: &[f32]) -> (Vec<f32>, Vec<f32>) {
     (front, contrast)
 }
 
-/// Rear of the muscle: the first smooth surface behind the front where it gets brighter again
-/// (fat between the ribs, marrow), else [`NOMINAL_MUSCLE_MM`] behind. Returns radii and the
-/// fraction of columns that show it.
+/// Rear of the muscle: a smooth surface behind the front where it gets brighter again (fat between
+/// the ribs, marrow), at about its nominal thickness; which it has where nothing is seen. Returns
+/// radii and the fraction of columns that show it.
 fn search_rear(polar: &Polar, fine: &Shaded, front: &[f32], contrast: &[f32]) -> (Vec<f32>, f64) {
-    let (thinnest, n_offset) = (4usize, 15usize);
+    const PER_MM: f32 = 0.08;
+    let (thinnest, n_offset) = (3usize, 13usize);
     let thickness = |n: usize| (thinnest + n) as f32;
+    let nominal = |column: usize| {
+        let belly = (2.0 * polar.angle(column)).sin().powi(2);
+        (NOMINAL_THIN_MM + (NOMINAL_MUSCLE_MM - NOMINAL_THIN_MM) * belly) as f32
+    };
+    let penalty = |column: usize, n: usize| PER_MM * (thickness(n) - nominal(column)).abs();
     let mut cost = vec![0.0f32; polar.len() * n_offset];
     cost.par_chunks_mut(n_offset).enumerate().for_each(|(column, cost)| {
         let depth = |mm: f64| {
@@ -282,32 +317,30 @@ fn search_rear(polar: &Polar, fine: &Shaded, front: &[f32], contrast: &[f32]) ->
         };
         let profile: Vec<f32> =
             (0..2 * (thinnest + n_offset + 4)).map(|n| depth(0.5 * n as f64)).collect();
+        let mean = |range: std::ops::Range<usize>| {
+            profile[range.clone()].iter().sum::<f32>() / range.len() as f32
+        };
         for (n, cost) in cost.iter_mut().enumerate() {
             let at = 2 * (thinnest + n);
-            let mean = |range: std::ops::Range<usize>| {
-                profile[range.clone()].iter().sum::<f32>() / range.len() as f32
-            };
-            let edge = mean(at..at + 5) - mean(at - 5..at);
-            *cost = -edge + 0.02 * (thickness(n) - NOMINAL_MUSCLE_MM as f32).abs();
+            *cost = penalty(column, n) - (mean(at..at + 5) - mean(at - 5..at));
         }
     });
     let [n_u, n_v] = polar.shape;
-    let offsets = optimal_surface(&Columns { n_u, n_v, n_offset, cost: cost.clone() }, 0.15);
-    let seen = |column: usize| {
-        let n = offsets[column];
-        let edge =
-            0.02 * (thickness(n) - NOMINAL_MUSCLE_MM as f32).abs() - cost[column * n_offset + n];
-        contrast[column] > 0.3 && edge > 0.15
-    };
-    let mut data = vec![NOMINAL_MUSCLE_MM as f32; polar.len()];
-    let mut weight = vec![0.01f32; polar.len()];
+    let columns = Columns { n_u, n_v, n_offset, cost };
+    let offsets = optimal_surface(&columns, 0.15);
+    let mut data: Vec<f32> = (0..polar.len()).map(nominal).collect();
+    let mut weight = vec![0.02f32; polar.len()];
     let mut n_seen = 0;
-    for column in (0..polar.len()).filter(|&c| seen(c)) {
-        data[column] = thickness(offsets[column]);
-        weight[column] = 1.0;
-        n_seen += 1;
+    for column in 0..polar.len() {
+        let n = offsets[column];
+        let edge = penalty(column, n) - columns.cost[column * n_offset + n];
+        if contrast[column] > 0.3 && edge > 0.15 {
+            data[column] = thickness(n);
+            weight[column] = 1.0;
+            n_seen += 1;
+        }
     }
     let smooth = smooth_map(&data, &weight, polar.shape, [20.0, 20.0]);
-    let rear = (0..polar.len()).map(|c| front[c] - smooth[c].clamp(3.0, 20.0)).collect();
-    (rear, n_seen as f64 / polar.len() as f64)
+    let rear = (0..polar.len()).map(|c| front[c] - smooth[c].clamp(2.0, 20.0)).collect();
+    (rear, f64::from(n_seen) / polar.len() as f64)
 }

@@ -1,0 +1,182 @@
+//! The whole segmentation against chests whose truth is known.
+
+use super::phantom::{Gland, from_wall, picture};
+use super::{Border, Limits, Options, SegmentError, Segmentation, segment};
+use mammotwin_data::Vec3;
+use mammotwin_data::labels::{Side, Tissue};
+use mammotwin_data::progress::Silent;
+use mammotwin_data::rigid::RigidTransform;
+use mammotwin_data::volume::{Grid, Volume};
+
+/// Voxels (mm) of the tests' pictures.
+const VOXEL_MM: f64 = 2.5;
+
+fn dice(a: &Volume<Tissue>, b: &Volume<Tissue>, of: impl Fn(Tissue) -> bool) -> f64 {
+    let (mut both, mut sum) = (0.0, 0.0);
+    for (&a, &b) in a.values.iter().zip(&b.values) {
+        both += f64::from(u8::from(of(a) && of(b)));
+        sum += f64::from(u8::from(of(a))) + f64::from(u8::from(of(b)));
+    }
+    2.0 * both / sum
+}
+
+/// 95th percentile of the distance (mm) of the found wall to the true one, before the breasts.
+fn wall_error(found: &Segmentation, to_body: &RigidTransform) -> f64 {
+    let mut errors: Vec<f64> = found
+        .chest_wall
+        .points
+        .iter()
+        .map(|p| to_body.point(p))
+        .filter(|p| p.y > 30.0 && p.z.abs() < 75.0)
+        .map(|p| from_wall(&p).abs())
+        .collect();
+    errors.sort_by(f64::total_cmp);
+    assert!(errors.len() > 2000);
+    errors[errors.len() * 95 / 100]
+}
+
+fn is_gland(tissue: Tissue) -> bool {
+    matches!(tissue, Tissue::FibroglandularRight | Tissue::FibroglandularLeft)
+}
+
+#[track_caller]
+fn check(gland: Gland, pose: &RigidTransform, options: &Options, least_body: f64) {
+    let (image, truth) = picture(VOXEL_MM, gland, pose);
+    let found = segment(&image, options, &Silent).unwrap();
+    let breast = dice(&found.labels, &truth, Tissue::is_breast);
+    let body = dice(&found.labels, &truth, |t| t != Tissue::Background);
+    let glands = dice(&found.labels, &truth, is_gland);
+    let muscle = dice(&found.labels, &truth, |t| t == Tissue::PectoralMuscle);
+    let wall = wall_error(&found, &pose.inverse());
+    let right = dice(&found.labels, &truth, |t| t == Tissue::AdiposeRight);
+    println!(
+        "breast {breast:.3} right fat {right:.3} body {body:.4} gland {glands:.3} muscle \
+         {muscle:.3} wall p95 {wall:.2} mm, {:?}",
+        found.limits
+    );
+    assert!(wall < 0.5 * VOXEL_MM && breast > 0.94 && right > 0.9 && muscle > 0.9);
+    assert!(body > least_body);
+    assert!(glands > 0.8);
+}
+
+#[test]
+fn a_chest_is_divided_as_it_was_made() {
+    check(Gland::Retracted, &RigidTransform::identity(), &Options::default(), 0.99);
+}
+
+#[test]
+fn gland_that_touches_the_muscle_stays_in_front_of_the_wall() {
+    check(Gland::TouchesMuscle, &RigidTransform::identity(), &Options::default(), 0.99);
+}
+
+#[test]
+fn a_turned_body_is_divided_in_its_own_frame() {
+    let turn = Vec3::new(0.05, -0.04, 0.5);
+    let pose = RigidTransform::about(&Vec3::zeros(), &turn, &Vec3::new(3.0, -8.0, 5.0));
+    let options = Options { body_frame: pose.inverse(), ..Options::default() };
+    // The oblique rear border of the image leaves some air that no line reaches.
+    check(Gland::Retracted, &pose, &options, 0.9);
+}
+
+#[test]
+fn equal_images_give_equal_labels_for_any_number_of_threads() {
+    let (image, _) = picture(4.0, Gland::Retracted, &RigidTransform::identity());
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| segment(&image, &Options::default(), &Silent).unwrap())
+    };
+    let (one, three) = (run(1), run(3));
+    assert_eq!(one.labels, three.labels);
+    assert_eq!(one.chest_wall, three.chest_wall);
+}
+
+/// The voxels of `image` from `low` to before `high`.
+fn cropped(image: &Volume<f32>, low: [usize; 3], high: [usize; 3]) -> Volume<f32> {
+    let shape = [0, 1, 2].map(|axis| high[axis] - low[axis]);
+    let grid = Grid { shape, axes: image.grid.axes, origin: image.grid.center(low) };
+    let values = (0..grid.len())
+        .map(|n| {
+            let at = grid.voxel(n);
+            image.at([0, 1, 2].map(|axis| at[axis] + low[axis]))
+        })
+        .collect();
+    Volume { grid, values }
+}
+
+#[test]
+fn images_that_cut_a_breast_or_hold_none_are_refused() {
+    let (image, _) = picture(4.0, Gland::Retracted, &RigidTransform::identity());
+    let [ni, nj, nk] = image.grid.shape;
+    let run = |image: &Volume<f32>| match segment(image, &Options::default(), &Silent) {
+        Ok(found) => panic!("segmented: {:?}", found.limits),
+        Err(refusal) => refusal,
+    };
+    let front = run(&cropped(&image, [0; 3], [ni, nj - 15, nk]));
+    assert_eq!(front, SegmentError::BreastCut { side: Side::Right, border: Border::Anterior });
+    let above = run(&cropped(&image, [0; 3], [ni, nj, nk / 2 + 2]));
+    assert_eq!(above, SegmentError::BreastCut { side: Side::Right, border: Border::Superior });
+    assert_eq!(run(&Volume::filled(image.grid.clone(), 3.0)), SegmentError::Empty);
+    assert!(matches!(run(&cropped(&image, [0; 3], [ni, nj, 4])), SegmentError::Grid { .. }));
+    let mut broken = image;
+    broken.values[17] = f32::NAN;
+    assert!(matches!(run(&broken), SegmentError::NotFinite { voxel: [17, 0, 0], .. }));
+}
+
+/// A volume (mm³), and how much of it lies behind a voxel of the chest wall.
+fn breast_and_behind_wall(labels: &Volume<Tissue>, side: Side, limits: &Limits) -> [f64; 2] {
+    let grid = &labels.grid;
+    let [ni, nj, nk] = grid.shape;
+    let to_front = grid.axes[(1, 1)] > 0.0;
+    let mut found = [0.0; 2];
+    for (i, k) in (0..nk).flat_map(|k| (0..ni).map(move |i| (i, k))) {
+        let mut wall_in_front = false;
+        for step in 0..nj {
+            let voxel = [i, if to_front { nj - 1 - step } else { step }, k];
+            let tissue = labels.at(voxel);
+            let across = (grid.center(voxel) - limits.sternal_point).dot(&limits.sternal_normal);
+            wall_in_front |= tissue.is_chest_wall();
+            if tissue.is_breast() && across * side.sign() > 0.0 {
+                found[0] += grid.voxel_mm3();
+                found[1] += if wall_in_front { grid.voxel_mm3() } else { 0.0 };
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn a_real_prone_scan_gives_plausible_breasts_and_a_smooth_wall() {
+    let Some(data) = std::env::var_os("MAMMOTWIN_DATA") else {
+        println!("skipped: no real data");
+        return;
+    };
+    let folder = std::path::Path::new(&data).join("data/mr_prone");
+    let name = "uta11_P13_t2tse_h2.nii.gz";
+    let image = mammotwin_data::io::nifti::read(&folder.join(name)).unwrap();
+    let found = segment(&image, &Options::default(), &Silent).unwrap();
+    let [right, left] = [Side::Right, Side::Left]
+        .map(|side| breast_and_behind_wall(&found.labels, side, &found.limits));
+    println!("{name}: breast, behind wall (mm³) {right:?} {left:?}, {:?}", found.warnings);
+    for [volume, behind] in [right, left] {
+        assert!((600e3..1600e3).contains(&volume), "{volume}");
+        assert!(behind < 0.01 * volume, "{behind} of {volume}");
+    }
+    assert!((right[0] / left[0]).ln().abs() < 0.25);
+    let muscle = found.labels.values.iter().filter(|t| **t == Tissue::PectoralMuscle).count();
+    let muscle_ml = muscle as f64 * image.grid.voxel_mm3() / 1e3;
+    assert!((100.0..900.0).contains(&muscle_ml), "{muscle_ml}");
+    assert!(found.wall_seen > 0.6);
+    let normals = found.chest_wall.vertex_normals();
+    let mut bends: Vec<f64> = found
+        .chest_wall
+        .triangles
+        .iter()
+        .map(|t| normals[t[0] as usize].angle(&normals[t[1] as usize]).to_degrees())
+        .collect();
+    bends.sort_by(f64::total_cmp);
+    let bend = bends[bends.len() * 95 / 100];
+    println!(
+        "95 % of the wall bends by less than {bend:.1} degrees a step, muscle {muscle_ml:.0} ml"
+    );
+    assert!(bend < 20.0);
+}
