@@ -42,7 +42,9 @@ fn settings(arguments: &SynthArguments) -> Result<Settings, Failure> {
         [mm] => Some([mm; 3]),
         [x, y, z] => Some([x, y, z]),
         _ => {
-            return Err(Failure::Usage("--voxel-mm: give one number, or three: 0.5,0.5,0.6".into()));
+            return Err(Failure::Usage(
+                "--voxel-mm: give one number, or three: 0.5,0.5,0.6".into(),
+            ));
         }
     };
     if voxel_mm.iter().flatten().any(|mm| !(0.2..=10.0).contains(mm)) {
