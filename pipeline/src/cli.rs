@@ -21,9 +21,20 @@ const EXIT_CODES: &str = "Exit codes: 0 done, 2 usage, 65 bad input, 70 physics 
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Make the built-in digital volunteer and run the whole pipeline on her
+    #[command(after_help = "Example:\n  mammotwin demo --out runs/demo")]
+    Demo(DemoArguments),
+    /// Make a digital volunteer: scans, landmarks, a ready study, and the truth about her
+    #[command(after_help = SYNTH_EXAMPLES)]
+    Synth(SynthArguments),
     /// Compute the study: all stages, or some
     #[command(after_help = RUN_EXAMPLES)]
     Run(RunArguments),
+    /// Compute the report, and what it needs
+    Report(StudyArguments),
+    /// Compare a finished run with the truth of a digital volunteer
+    #[command(after_help = "Example:\n  mammotwin score dv/study.toml --truth dv/truth --json")]
+    Score(ScoreArguments),
     /// How each stage stands: fresh, stale, missing, running, failed, damaged, edited by hand
     Status(ReadArguments),
     /// Which field of a stage's key changed: old -> new
@@ -51,6 +62,13 @@ const GC_HELP: &str = "\
 Kept are the results of the study as it is now, results whose need is not known before other
 stages ran, and everything outside of the cache. One output folder serves one study.";
 
+const SYNTH_EXAMPLES: &str = "\
+Examples:
+  mammotwin synth --preset small --seed 7 --voxel-mm 1 --out dv
+  mammotwin synth --preset large --seed 2 --poses prone,supine --out dv-large
+  mammotwin run dv/study.toml
+  mammotwin score dv/study.toml --truth dv/truth";
+
 const RUN_EXAMPLES: &str = "\
 Examples:
   mammotwin run study.toml                       compute what is not there yet
@@ -75,6 +93,48 @@ pub struct StudyArguments {
     /// Output folder [default: `out` beside the study file]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+}
+
+/// The demonstration.
+#[derive(Debug, Clone, Args)]
+pub struct DemoArguments {
+    /// Folder of the volunteer; the results go to `out` in it
+    #[arg(long, value_name = "DIR", default_value = "runs/demo")]
+    pub out: PathBuf,
+}
+
+/// A digital volunteer.
+#[derive(Debug, Clone, Args)]
+pub struct SynthArguments {
+    /// Kind of volunteer: small, large
+    #[arg(long, default_value = "small")]
+    pub preset: String,
+    /// Which person of that kind
+    #[arg(long, value_name = "N", default_value_t = 7)]
+    pub seed: u64,
+    /// Edges of the voxels (mm): one number or three [default: those of the preset]
+    #[arg(long, value_name = "MM", value_delimiter = ',')]
+    pub voxel_mm: Vec<f64>,
+    /// Poses to scan; supine is always among them [default: all]
+    #[arg(long, value_name = "POSE", value_delimiter = ',')]
+    pub poses: Vec<String>,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// A run and the truth.
+#[derive(Debug, Clone, Args)]
+pub struct ScoreArguments {
+    /// The study
+    #[command(flatten)]
+    pub study: StudyArguments,
+    /// Folder of the truth that `synth` wrote
+    #[arg(long, value_name = "DIR")]
+    pub truth: PathBuf,
+    /// Answer in JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// A question about a study.

@@ -2,7 +2,10 @@
 
 use crate::{cli::one_line, commands::status::size};
 use indicatif::{ProgressBar, ProgressStyle};
-use mammotwin_data::store::{Event, Listener, Record};
+use mammotwin_data::{
+    progress::Progress,
+    store::{Event, Listener, Record},
+};
 use std::{
     io::IsTerminal,
     path::Path,
@@ -101,6 +104,34 @@ impl Listener for Display {
                 ));
             }
         }
+    }
+}
+
+/// Shows one piece of work that is no stage.
+#[derive(Debug)]
+pub struct Task {
+    display: Display,
+    name: &'static str,
+}
+
+impl Task {
+    /// Begins to show it.
+    pub fn new(name: &'static str) -> Self {
+        let display = Display::new();
+        display.begin(name, 1, 1);
+        Self { display, name }
+    }
+}
+
+impl Progress for Task {
+    fn report(&self, fraction: f64, doing: &str) {
+        self.display.on(&Event::Progress { instance: self.name, fraction, doing });
+    }
+}
+
+impl Drop for Task {
+    fn drop(&mut self) {
+        self.display.end();
     }
 }
 

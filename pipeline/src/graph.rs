@@ -152,9 +152,11 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
         warnings.extend(text.map(|text| format!("{name}: {text}")));
     }
     if study.poses.len() == 1 {
-        warnings.push("One pose only: the moduli are literature values, nothing was fitted, and \
+        warnings.push(
+            "One pose only: the moduli are literature values, nothing was fitted, and \
                        no held-out pose shows the error."
-            .into());
+                .into(),
+        );
     }
     let report = Report {
         subject: study.subject.id.clone(),

@@ -6,5 +6,7 @@
 pub mod cli;
 pub mod commands;
 pub mod display;
+pub mod estimates;
 pub mod graph;
 pub mod plausible;
+pub mod score;

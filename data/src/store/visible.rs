@@ -5,7 +5,8 @@
 //! the graph says [`Run::editable`] it replaces the result of the stage.
 
 use super::{
-    Artifact, Event, Inputs, Run, Stage, State, Store, Stored, lock, lock::Wait, publish, run::Mode,
+    Artifact, Event, Inputs, Record, Run, Stage, State, Store, Stored, lock, lock::Wait, publish,
+    run::Mode,
 };
 use crate::Failure;
 use serde::{Deserialize, Serialize};
@@ -69,6 +70,8 @@ impl Run<'_> {
                 });
             }
             let stored = Stored::known(&instance, &path, &content, &self.store.hashes);
+            let bytes = fs::metadata(&path).map_or(0, |stat| stat.len());
+            entry.record = Some(Record { file: name, bytes, content, ..Record::default() });
             entry.state = State::Edited { path, inputs_changed };
             self.register(&entry);
             return Ok(stored);

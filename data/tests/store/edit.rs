@@ -17,6 +17,8 @@ fn an_edited_copy_replaces_the_result_and_survives() {
     let pass = study.run();
     assert_eq!(computed(&pass), ["join", "measure"]);
     assert_eq!(pass.outcome.load().unwrap().0, "8");
+    let content = entry(&pass, "segment:prone").record.as_ref().map(|r| r.content.as_str());
+    assert_eq!(content, entry(&pass, "join").sources[0].content.as_deref());
 
     study.options.force = ["segment", "join", "measure"].map(String::from).to_vec();
     assert_eq!(computed(&study.run()), ["segment:supine", "join", "measure"]);

@@ -5,7 +5,9 @@ pub mod explain;
 pub mod inspect;
 pub mod keep;
 pub mod run;
+pub mod score;
 pub mod status;
+pub mod synth;
 
 use crate::cli::{Arguments, Command, StudyArguments};
 use mammotwin_data::{
@@ -25,7 +27,11 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         pool.build_global().map_err(|cause| Failure::Usage(format!("--threads: {cause}")))?;
     }
     match &arguments.command {
+        Command::Demo(arguments) => synth::demo(arguments),
+        Command::Synth(arguments) => synth::synth(arguments),
         Command::Run(arguments) => run::run(arguments),
+        Command::Report(arguments) => run::report(arguments),
+        Command::Score(arguments) => score::score(arguments),
         Command::Status(arguments) => status::status(arguments),
         Command::Explain(arguments) => explain::explain(arguments),
         Command::Check(arguments) => check::check(arguments),

@@ -1,12 +1,17 @@
 //! `mammotwin run`: computes a study.
 
 use super::{Opened, open};
-use crate::{cli::RunArguments, display::Display, graph};
+use crate::{
+    cli::{RunArguments, StudyArguments},
+    display::Display,
+    graph,
+};
 use mammotwin_data::{
     Failure,
     progress::Silent,
     store::{self, Drive, Entry, Options, Pass, Selection, State, Wait},
 };
+use std::{fs, path::PathBuf};
 
 /// Computes a study, or says what it would compute.
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
@@ -18,9 +23,31 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         return Ok(());
     }
     let pass = execute(&opened, &options)?;
-    let computed = pass.entries.iter().filter(|entry| entry.computed).count();
-    let out = opened.store.out.display();
-    println!("{computed} of {} stages computed; results in {out}", pass.entries.len());
+    summarize(&opened, &pass.entries)
+}
+
+/// Makes the report, and what it needs.
+pub fn report(arguments: &StudyArguments) -> Result<(), Failure> {
+    let opened = open(arguments)?;
+    let options = Options { until: vec!["report".into()], ..Options::default() };
+    let pass = execute(&opened, &options)?;
+    summarize(&opened, &pass.entries)
+}
+
+/// Prints what was computed, and the files that a person looks at.
+pub fn summarize(opened: &Opened, entries: &[Entry]) -> Result<(), Failure> {
+    let computed = entries.iter().filter(|entry| entry.computed).count();
+    println!("{computed} of {} stages computed", entries.len());
+    let out = &opened.store.out;
+    let hidden = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        name.starts_with('.') || name == "cache"
+    };
+    let Ok(files) = fs::read_dir(out) else { return Ok(()) };
+    let mut files: Vec<_> = files.flatten().map(|entry| entry.path()).collect();
+    files.retain(|path| !hidden(path));
+    files.sort();
+    files.iter().for_each(|path| println!("{}", path.display()));
     Ok(())
 }
 

@@ -1,0 +1,76 @@
+//! `mammotwin synth` and `mammotwin demo`: a digital volunteer, and the whole pipeline on her.
+
+use super::{open, run};
+use crate::{
+    cli::{DemoArguments, StudyArguments, SynthArguments},
+    display::Task,
+};
+use mammotwin_data::{Failure, store::Options};
+use mammotwin_stages::volunteer::{self, PoseName, Settings};
+use std::{fs, path::Path};
+
+/// Makes a digital volunteer.
+pub fn synth(arguments: &SynthArguments) -> Result<(), Failure> {
+    let settings = settings(arguments)?;
+    let written = volunteer::synthesize(&settings, &Task::new("synth"))?;
+    println!("study: {}", written.study.display());
+    println!("truth: {}", written.truth.display());
+    Ok(())
+}
+
+/// Makes the volunteer of the demonstration, unless she is there, and runs the whole pipeline.
+pub fn demo(arguments: &DemoArguments) -> Result<(), Failure> {
+    let settings = Settings::demo(&arguments.out);
+    let study = arguments.out.join("study.toml");
+    // Written last: with this note all files of the volunteer are there.
+    let note = arguments.out.join("volunteer.txt");
+    let Settings { preset, seed, voxel_mm, poses, out_dir: _ } = &settings;
+    let version = env!("CARGO_PKG_VERSION");
+    let text = format!("mammotwin {version}: {preset} {seed} {voxel_mm:?} {poses:?}\n");
+    if !study.exists() || fs::read_to_string(&note).ok().as_ref() != Some(&text) {
+        volunteer::synthesize(&settings, &Task::new("synth"))?;
+        fs::write(&note, text).map_err(|cause| Failure::io(&note, cause))?;
+    }
+    let opened = open(&StudyArguments { study, out: None })?;
+    let pass = run::execute(&opened, &Options::default())?;
+    run::summarize(&opened, &pass.entries)
+}
+
+fn settings(arguments: &SynthArguments) -> Result<Settings, Failure> {
+    let voxel_mm = match arguments.voxel_mm[..] {
+        [] => None,
+        [mm] => Some([mm; 3]),
+        [x, y, z] => Some([x, y, z]),
+        _ => {
+            return Err(Failure::Usage(
+                "--voxel-mm: give one number, or three: 0.5,0.5,0.6".into(),
+            ));
+        }
+    };
+    if voxel_mm.iter().flatten().any(|mm| !(0.2..=10.0).contains(mm)) {
+        return Err(Failure::Usage("--voxel-mm: give 0.2 to 10 mm".into()));
+    }
+    let mut poses = Vec::new();
+    for name in &arguments.poses {
+        let pose = PoseName::ALL.into_iter().find(|pose| pose.name() == name);
+        poses.push(pose.ok_or_else(|| {
+            let known = PoseName::ALL.map(PoseName::name).join(", ");
+            Failure::Usage(format!("--poses: no pose {name:?}; there are: {known}"))
+        })?);
+    }
+    if poses.is_empty() {
+        poses = PoseName::ALL.to_vec();
+    }
+    refuse_someone(&arguments.out)?;
+    let (preset, seed) = (arguments.preset.clone(), arguments.seed);
+    Ok(Settings { preset, seed, voxel_mm, poses, out_dir: arguments.out.clone() })
+}
+
+/// A study that is there may have been edited: it is not overwritten.
+fn refuse_someone(out: &Path) -> Result<(), Failure> {
+    if out.join("study.toml").exists() {
+        let text = format!("{}: has a study already; give another folder", out.display());
+        return Err(Failure::Usage(format!("--out: {text}")));
+    }
+    Ok(())
+}

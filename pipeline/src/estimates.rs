@@ -1,0 +1,46 @@
+//! What a finished run says of a volunteer, gathered from its results.
+
+use crate::{graph::Outcome, score::Estimates};
+use mammotwin_data::Failure;
+use mammotwin_stages::pose::PoseFit;
+use serde_json::{Value, json};
+
+/// Loads what can be compared with a truth; fails when a result is not computed yet.
+pub fn estimates(outcome: &Outcome) -> Result<Estimates, Failure> {
+    let mut found = Estimates { reference: outcome.reference.clone(), ..Estimates::default() };
+    for (name, pose) in &outcome.poses {
+        found.labels.insert(name.clone(), pose.labels.load()?);
+        if let Some(registered) = &pose.registered {
+            found.to_reference.insert(name.clone(), registered.load()?.transform);
+        }
+    }
+    let calibration = outcome.calibration.load()?;
+    let moduli = &calibration.after.moduli;
+    found.moduli.insert("breast.young_right_kpa".into(), moduli.right_kpa);
+    found.moduli.insert("breast.young_left_kpa".into(), moduli.left_kpa);
+    for (before, after) in calibration.before.poses.iter().zip(&calibration.after.poses) {
+        found.distance.insert(after.pose.clone(), distances(before, after));
+    }
+    for (name, validation) in &outcome.validations {
+        let validation = validation.load()?;
+        found.distance.insert(name.clone(), distances(&validation.before, &validation.after));
+    }
+    Ok(found)
+}
+
+/// Distances of the simulated to the measured skin, with the moduli of the study and the fitted.
+fn distances(before: &PoseFit, after: &PoseFit) -> Value {
+    let numbers = |fit: &PoseFit| {
+        let d = &fit.distances;
+        json!({
+            "modified_hausdorff_mm": d.modified_hausdorff,
+            "hausdorff_mm": d.hausdorff,
+            "mean_mm": d.mean,
+            "p95_mm": d.p95,
+            "max_mm": d.max,
+        })
+    };
+    let mut fitted = numbers(after);
+    fitted["before"] = numbers(before);
+    fitted
+}
