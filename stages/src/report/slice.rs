@@ -56,7 +56,7 @@ pub struct SlicePicture {
     pub title: String,
     /// The plane.
     pub plane: Plane,
-    /// The picture, as wide as high as the body is.
+    /// The picture, in square pixels.
     pub picture: Raster,
 }
 
@@ -68,6 +68,12 @@ pub const OUTLINES: [(&str, Rgb); 5] = [
     ("pectoral muscle", [236, 92, 196]),
     ("thorax", [118, 214, 118]),
 ];
+
+/// Air (mm) that is left around the body.
+pub const BORDER_MM: f64 = 10.0;
+
+/// Exponent of the grey scale: lifts the dark parts far from the coil.
+const GAMMA: f32 = 0.7;
 
 /// Which outline a tissue belongs to: an index into [`OUTLINES`].
 fn outline(tissue: Tissue, side: bool) -> Option<usize> {
@@ -85,7 +91,8 @@ fn outline(tissue: Tissue, side: bool) -> Option<usize> {
 
 /// Cuts `volume` at `point` (mm), with the outlines of `labels`.
 ///
-/// The picture has square pixels of `mm_per_pixel`, on any grid. The grey scale runs from the 1st
+/// The picture has square pixels of `mm_per_pixel`, on any grid; with labels it ends
+/// [`BORDER_MM`] beyond the body. The grey scale runs from the 1st
 /// to the 99.5th percentile of the cut.
 pub fn slice(
     volume: &Volume<f32>,
@@ -98,10 +105,14 @@ pub fn slice(
     let mut picture = grey(volume, &frame);
     if let Some(labels) = labels {
         let to_voxel = labels.grid.to_voxel();
-        let kinds = frame.map(|p| {
-            labels.nearest(&to_voxel.apply(p)).and_then(|tissue| outline(tissue, p.x > 0.0))
+        let tissues = frame.map(|p| {
+            let tissue = labels.nearest(&to_voxel.apply(p)).unwrap_or(Tissue::Background);
+            (tissue, p.x > 0.0)
         });
+        let kinds: Vec<_> = tissues.iter().map(|&(tissue, side)| outline(tissue, side)).collect();
         draw_outlines(&mut picture, &kinds);
+        let body = |at: usize| tissues[at].0 != Tissue::Background;
+        picture = cropped(&picture, body, (BORDER_MM / mm_per_pixel) as usize);
     }
     SlicePicture { title: frame.title(plane, point), plane, picture }
 }
@@ -205,11 +216,30 @@ fn shade(values: &[Option<f32>], frame: &Frame) -> Raster {
     let level = |value: &Option<f32>| {
         let part = value.map_or(0.0, |value| (value - low) / (high - low).max(f32::MIN_POSITIVE));
         // NaN becomes black, too.
-        let grey = (part.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let grey = (part.clamp(0.0, 1.0).powf(GAMMA) * 255.0).round() as u8;
         [grey; 3]
     };
     let pixels = values.iter().map(level).collect();
     Raster { width: frame.width, height: frame.height, pixels }
+}
+
+/// The part of a picture where `inside` holds, and a border.
+fn cropped(picture: &Raster, inside: impl Fn(usize) -> bool, border: usize) -> Raster {
+    let Raster { width, height, .. } = *picture;
+    let (mut low, mut high) = ([width, height], [0, 0]);
+    for at in (0..width * height).filter(|&at| inside(at)) {
+        for (axis, place) in [at % width, at / width].into_iter().enumerate() {
+            low[axis] = low[axis].min(place.saturating_sub(border));
+            high[axis] = high[axis].max(place + border + 1);
+        }
+    }
+    let [columns, rows] = [low[0]..high[0].min(width), low[1]..high[1].min(height)];
+    if columns.is_empty() || rows.is_empty() {
+        return picture.clone();
+    }
+    let row = |row: usize| &picture.pixels[row * width..][columns.clone()];
+    let pixels = rows.clone().flat_map(row).copied().collect();
+    Raster { width: columns.len(), height: rows.len(), pixels }
 }
 
 /// Draws a line where a pixel and its right or lower neighbour differ.
@@ -273,7 +303,9 @@ mod tests {
         let labels = Volume { grid: image.grid.clone(), values };
         let cut = slice(&image, Some(&labels), Plane::Axial, &Vec3::zeros(), 1.0).picture;
         let drawn = cut.pixels.iter().filter(|&&pixel| pixel == OUTLINES[3].1).count();
-        // 16 pixels a side; a line has one pixel each.
+        // 16 pixels a side and 10 mm of air.
+        assert!(cut.width.abs_diff(36) <= 1 && cut.height.abs_diff(36) <= 1);
+        // A line has one pixel each.
         assert!((60..=68).contains(&drawn), "{drawn}");
     }
 
