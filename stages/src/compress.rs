@@ -3,18 +3,25 @@
 use crate::{
     calibrate::Calibration,
     mesh::BreastMesh,
-    model::{Body, LawOverride},
+    model::{Anatomy, Body, LawOverride},
 };
 use mammotwin_data::{
     Failure, Vec3,
     io::hdf5,
     labels::Side,
     mesh::{Patch, TetMesh},
-    progress::Progress,
+    progress::{Part, Progress, Silent},
     solution::Solution,
     store::{Artifact, Stage},
     study::{CompressPlan, ModelPlan, Stop},
     surface::TriMesh,
+    units::NEWTON,
+};
+use mammotwin_solver::{
+    Options, SolveError,
+    compress as press,
+    mesh::crop::crop,
+    solve,
 };
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -123,10 +130,138 @@ impl Stage for Compress {
 
     fn run(
         &self,
-        (_mesh, _calibration): &Self::Input,
-        _progress: &dyn Progress,
+        (whole, calibration): &Self::Input,
+        progress: &dyn Progress,
     ) -> Result<Compression, Failure> {
-        Err(Failure::Numerics("compress: not wired".into()))
+        let side = self.plan.side;
+        let Some(base) = whole.anatomy.breast(side) else {
+            let text = format!("compress.side: the mesh has no {} breast", side.name());
+            return Err(Failure::BadInput(text));
+        };
+        let part = crop(&whole.mesh, side, whole.anatomy.sternum_x_mm, 0.0);
+        let anatomy = Anatomy { breasts: vec![base.clone()], ..whole.anatomy.clone() };
+        let body = Body { mesh: &part.mesh, anatomy: &anatomy, ..Body::new(whole, &self.model) };
+        let rest = part.take(&calibration.after.rest);
+        let moduli = calibration.after.moduli;
+        let law = LawOverride {
+            name: self.plan.law.name,
+            jm: self.plan.law.jm,
+            poisson: self.plan.law.poisson,
+        };
+        let refuse = |cause: SolveError| Failure::Numerics(format!("compress: {cause}"));
+        progress.report(0.0, "without gravity");
+        let options = Options::default();
+        let free = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
+        let settled = solve(&free, &part.mesh.points, &options, &Silent).map_err(refuse)?.points;
+
+        // The cut at the sternum stays where it settled.
+        let mut model = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
+        for node in part.mesh.patch_nodes(Patch::Medial) {
+            model.fix_node(node);
+        }
+        let near = |n: &u32| base.radius(&part.mesh.points[*n as usize]) < TOUCHED_RADIUS;
+        let skin = part.mesh.patch(Patch::Skin).iter();
+        let edge_y_mm = base.center.y + self.plan.chest_wall_distance_mm;
+        let plates = press::Plates {
+            axis: Vec3::z(),
+            away: Vec3::y(),
+            edge_mm: edge_y_mm,
+            radius_mm: EDGE_RADIUS_MM,
+            faces: skin.filter(|face| face.iter().all(near)).copied().collect(),
+        };
+        let nipple_node = nearest(&part.mesh.points, &base.nipple);
+        let closing = self.closing(&plates, &settled, nipple_node)?;
+        let part_of = Part { whole: progress, from: 0.1, to: 1.0 };
+        let done = press::compress(model, &plates, &closing, &settled, &options, &part_of)
+            .map_err(refuse)?;
+        let mesh = TetMesh { points: rest, ..part.mesh };
+        Ok(result(side, mesh, nipple_node, edge_y_mm, done))
+    }
+}
+
+/// Skin within this elliptic radius of the base may touch the plates.
+const TOUCHED_RADIUS: f64 = 1.25;
+/// Radius (mm) of the plates' edges.
+const EDGE_RADIUS_MM: f64 = 6.0;
+/// Largest change (mm) of the thickness between recorded states.
+const STEP_MM: f64 = 5.0;
+
+impl Compress {
+    /// Both plates come alike to the height of the nipple: the receptor is raised to the breast.
+    fn closing(
+        &self,
+        plates: &press::Plates,
+        points: &[Vec3],
+        nipple_node: u32,
+    ) -> Result<press::Closing, Failure> {
+        let (low, height) = plates.touching(points);
+        if !(height > 0.0 && height.is_finite()) {
+            return Err(Failure::BadInput(format!(
+                "compress.chest_wall_distance_mm: {} mm from the chest wall there is no breast; \
+                 bring the paddle nearer",
+                self.plan.chest_wall_distance_mm
+            )));
+        }
+        let middle = points[nipple_node as usize].z.clamp(low, low + height);
+        let thickness_mm = 2.0 * (low + height - middle).max(middle - low);
+        let stop = match self.plan.stop {
+            Stop::ThicknessMm(goal) if goal >= height => {
+                return Err(Failure::BadInput(format!(
+                    "compress.stop.thickness_mm: {goal} mm is more than the {height:.0} mm of \
+                     breast under the paddle; ask for less, or bring the paddle nearer"
+                )));
+            }
+            Stop::ThicknessMm(goal) => press::Stop::ThicknessMm(goal),
+            Stop::ForceN(goal) => press::Stop::ForceMn(goal * NEWTON),
+        };
+        Ok(press::Closing {
+            receptor_mm: middle - 0.5 * thickness_mm,
+            thickness_mm,
+            receptor_share: 0.5,
+            step_mm: STEP_MM,
+            stop,
+        })
+    }
+}
+
+fn nearest(points: &[Vec3], place: &Vec3) -> u32 {
+    let far = |p: &Vec3| (p - place).norm_squared();
+    let best = (0..points.len()).min_by(|&a, &b| far(&points[a]).total_cmp(&far(&points[b])));
+    best.unwrap_or(0) as u32
+}
+
+fn result(
+    side: Side,
+    mesh: TetMesh,
+    nipple_node: u32,
+    edge_y_mm: f64,
+    done: press::Compressed,
+) -> Compression {
+    let of = |f: fn(&press::Step) -> f64| done.steps.iter().map(f).collect::<Vec<f64>>();
+    let curve = Course {
+        thickness_mm: of(|s| s.thickness_mm),
+        force_n: of(|s| s.paddle_force_mn / NEWTON),
+        receptor_force_n: of(|s| s.receptor_force_mn / NEWTON),
+        contact_area_mm2: of(|s| s.contact_area_mm2),
+        mean_pressure_kpa: of(|s| s.mean_pressure_kpa),
+        peak_pressure_kpa: of(|s| s.peak_pressure_kpa),
+    };
+    let last = done.steps.last();
+    let plates = Plates {
+        edge_y_mm,
+        receptor_z_mm: last.map_or(0.0, |s| s.receptor_mm),
+        thickness_mm: last.map_or(0.0, |s| s.thickness_mm),
+    };
+    let nodes = mesh.points.len();
+    Compression {
+        side,
+        mesh,
+        solution: done.solution,
+        contact_pressure_kpa: last.map_or(vec![0.0; nodes], |s| s.contact_pressure_kpa.clone()),
+        plates,
+        curve,
+        nipple_node,
+        stopped_early: done.stopped_early.map(|why| why.to_string()),
     }
 }
 
