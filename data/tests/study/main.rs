@@ -1,5 +1,7 @@
 //! Studies that are accepted, and what is said of those that are not.
 
+#![allow(clippy::unwrap_used)] // a test may fail at once
+
 use mammotwin_data::study::{Study, parse};
 use proptest::{
     prelude::Rng,
