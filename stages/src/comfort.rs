@@ -6,11 +6,7 @@ use crate::{
     results::{principal_stretches, von_mises_kpa},
 };
 use mammotwin_data::{
-    Failure, Mat3,
-    metric::Metric,
-    progress::Progress,
-    store::Stage,
-    units::NEWTON,
+    Failure, Mat3, metric::Metric, progress::Progress, store::Stage, units::NEWTON,
 };
 use serde::Serialize;
 

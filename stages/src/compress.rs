@@ -17,12 +17,7 @@ use mammotwin_data::{
     surface::TriMesh,
     units::NEWTON,
 };
-use mammotwin_solver::{
-    Options, SolveError,
-    compress as press,
-    mesh::crop::crop,
-    solve,
-};
+use mammotwin_solver::{Options, SolveError, compress as press, mesh::crop::crop, solve};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -7,12 +7,7 @@ use crate::{
     surface::PoseSurfaces,
 };
 use mammotwin_data::{
-    Failure, Vec3,
-    io::hdf5,
-    labels::Side,
-    mesh::Patch,
-    progress::Silent,
-    solution::Solution,
+    Failure, Vec3, io::hdf5, labels::Side, mesh::Patch, progress::Silent, solution::Solution,
     surface::TriMesh,
 };
 use mammotwin_solver::{
@@ -97,11 +92,12 @@ impl PoseTarget {
         let skin = TriMesh { points, triangles: surfaces.skin.triangles.clone() };
         let index = SurfaceIndex::new(&skin)
             .map_err(|cause| Failure::BadInput(format!("{pose}: measured skin: {cause}")))?;
-        let cuts: Vec<Vec3> = [Patch::Superior, Patch::Inferior, Patch::LateralRight, Patch::LateralLeft]
-            .iter()
-            .flat_map(|&cut| mesh.mesh.patch_nodes(cut))
-            .map(|n| mesh.mesh.points[n as usize])
-            .collect();
+        let cuts: Vec<Vec3> =
+            [Patch::Superior, Patch::Inferior, Patch::LateralRight, Patch::LateralLeft]
+                .iter()
+                .flat_map(|&cut| mesh.mesh.patch_nodes(cut))
+                .map(|n| mesh.mesh.points[n as usize])
+                .collect();
         let mut active = Vec::new();
         let mut sides = Vec::new();
         for n in mesh.mesh.patch_nodes(Patch::Skin) {
@@ -114,7 +110,15 @@ impl PoseTarget {
             }
         }
         let faces = mesh.mesh.patch(Patch::Skin).to_vec();
-        Ok(Self { pose: pose.into(), gravity: registered.gravity, skin, index, faces, active, sides })
+        Ok(Self {
+            pose: pose.into(),
+            gravity: registered.gravity,
+            skin,
+            index,
+            faces,
+            active,
+            sides,
+        })
     }
 
     /// Loads a stress-free body into this pose; `start` is where Newton begins.
@@ -166,7 +170,8 @@ impl PoseTarget {
         let inside = |f: &&[u32; 3]| f.iter().all(|&n| is_active[n as usize]);
         let core: Vec<[u32; 3]> = self.faces.iter().filter(inside).copied().collect();
         let whole = SurfaceIndex::new(simulated)?;
-        let core = SurfaceIndex::new(&TriMesh { points: simulated.points.clone(), triangles: core })?;
+        let core =
+            SurfaceIndex::new(&TriMesh { points: simulated.points.clone(), triangles: core })?;
         let near_whole = whole.closest_of(&self.skin.points)?;
         let near_core = core.closest_of(&self.skin.points)?;
         let same = |n: &usize| near_core[*n].distance_mm <= near_whole[*n].distance_mm + 1e-9;
@@ -176,7 +181,8 @@ impl PoseTarget {
     /// Mean signed distance (mm) of the skin of one breast, weighted by how far it faces along
     /// gravity: positive when the simulated breast sags too far.
     pub fn sag_residual_mm(&self, fit: &PoseFit, side: Side) -> f64 {
-        let surface = TriMesh { points: fit.solution.points.clone(), triangles: self.faces.clone() };
+        let surface =
+            TriMesh { points: fit.solution.points.clone(), triangles: self.faces.clone() };
         let normals = surface.vertex_normals();
         let (mut sum, mut weights) = (0.0, 0.0);
         for ((&n, &on), signed) in self.active.iter().zip(&self.sides).zip(&fit.signed_mm) {

@@ -1,13 +1,7 @@
 //! An image of a pose to labels.
 
 use crate::align::Start;
-use mammotwin_data::{
-    Failure,
-    labels::LabelMap,
-    progress::Progress,
-    store::Stage,
-    volume::Volume,
-};
+use mammotwin_data::{Failure, labels::LabelMap, progress::Progress, store::Stage, volume::Volume};
 use mammotwin_imaging::mri::segment;
 use serde::Serialize;
 

@@ -88,7 +88,11 @@ impl Artifact for Calibration {
         let mut file = hdf5::Writer::create(path)?;
         file.put_json("trials", &self.trials, "evaluations of the search")?;
         for (group, fit) in [("before", &self.before), ("after", &self.after)] {
-            file.put_json(&format!("{group}/moduli"), &fit.moduli, "Young's moduli of the breasts")?;
+            file.put_json(
+                &format!("{group}/moduli"),
+                &fit.moduli,
+                "Young's moduli of the breasts",
+            )?;
             file.put(&format!("{group}/rest"), &fit.rest, "mm", "stress-free node positions")?;
             let names: Vec<String> = fit.poses.iter().map(|p| p.pose.clone()).collect();
             file.put_texts(&format!("{group}/poses"), &names, "poses, the reference first")?;
@@ -165,7 +169,8 @@ impl Search<'_> {
         progress: &dyn Progress,
     ) -> Result<Calibration, Failure> {
         let mut trials: Vec<Trial> = Vec::new();
-        let mut secants = [Side::Right, Side::Left].map(|_| Secant::within(BOUNDS_KPA[0], BOUNDS_KPA[1]));
+        let mut secants =
+            [Side::Right, Side::Left].map(|_| Secant::within(BOUNDS_KPA[0], BOUNDS_KPA[1]));
         let mut moduli = start;
         let mut before: Option<Fit> = None;
         let mut best: Option<(f64, Fit)> = None;
@@ -264,8 +269,7 @@ impl Search<'_> {
     /// Mean over the fitted poses of the residual of one side (mm).
     fn residual(&self, fit: &Fit, side: Side) -> f64 {
         let others = self.targets.iter().zip(&fit.poses).skip(1);
-        let residuals: Vec<f64> =
-            others.map(|(t, p)| t.sag_residual_mm(p, side)).collect();
+        let residuals: Vec<f64> = others.map(|(t, p)| t.sag_residual_mm(p, side)).collect();
         residuals.iter().sum::<f64>() / residuals.len().max(1) as f64
     }
 }

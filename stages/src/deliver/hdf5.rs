@@ -64,11 +64,22 @@ impl Stage for Deliver {
         let mut states = Vec::new();
         for (fit, long_name) in &named {
             let solution = &fit.solution;
-            states.push(State { name: &fit.pose, long_name, rest: &rest, solution, point_fields: &[] });
+            states.push(State {
+                name: &fit.pose,
+                long_name,
+                rest: &rest,
+                solution,
+                point_fields: &[],
+            });
         }
         let pressure = compression.as_ref().map(|c| {
             let long_name = "Contact pressure of paddle and receptor";
-            [Field::scalar("contact_pressure_kpa", "kPa", long_name, c.contact_pressure_kpa.clone())]
+            [Field::scalar(
+                "contact_pressure_kpa",
+                "kPa",
+                long_name,
+                c.contact_pressure_kpa.clone(),
+            )]
         });
         let mut curves = Vec::new();
         if let Some(c) = compression {
@@ -114,7 +125,12 @@ fn force_thickness(compression: &Compression) -> Curve {
             column("receptor_force_n", "N", "Force of the receptor", &curve.receptor_force_n),
             column("contact_area_mm2", "mm2", "Contact area", &curve.contact_area_mm2),
             column("mean_pressure_kpa", "kPa", "Mean contact pressure", &curve.mean_pressure_kpa),
-            column("peak_pressure_kpa", "kPa", "Largest contact pressure", &curve.peak_pressure_kpa),
+            column(
+                "peak_pressure_kpa",
+                "kPa",
+                "Largest contact pressure",
+                &curve.peak_pressure_kpa,
+            ),
         ],
     }
 }

@@ -4,25 +4,28 @@ use super::sections;
 use crate::{
     align,
     artifact::bytes_artifact,
-    comfort, compress, mammogram, mesh, phantom, quality, register, segment, surface, validate,
     calibrate::{self, Calibration},
+    comfort, compress,
     compress::Compression,
+    mammogram,
     mammogram::Mammograms,
+    mesh,
     mesh::BreastMesh,
+    phantom,
     phantom::CompressedPhantom,
     pictures::PosePictures,
+    quality,
     quality::Metrics,
+    register,
     register::Registered,
     report::{self, ReportInput},
     results::Provenance,
+    segment, surface,
     surface::PoseSurfaces,
+    validate,
     validate::Validation,
 };
-use mammotwin_data::{
-    Failure,
-    progress::Progress,
-    store::Stage,
-};
+use mammotwin_data::{Failure, progress::Progress, store::Stage};
 use serde::Serialize;
 
 /// Writes what was found into one page for people.
@@ -55,7 +58,11 @@ impl Stage for Report {
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
 
-    fn run(&self, (images, mechanics, squeezed): &Self::Input, progress: &dyn Progress) -> Result<ReportFile, Failure> {
+    fn run(
+        &self,
+        (images, mechanics, squeezed): &Self::Input,
+        progress: &dyn Progress,
+    ) -> Result<ReportFile, Failure> {
         let (mesh, calibration, validations) = mechanics;
         let (compression, phantom, mammograms, metrics) = squeezed;
         progress.report(0.1, "images");
@@ -78,8 +85,10 @@ impl Stage for Report {
         if let Some(why) = compression.as_ref().and_then(|c| c.stopped_early.as_ref()) {
             input.warnings.push(format!("The compression ended before its stop rule: {why}"));
         }
-        input.facts = sections::headlines(calibration, validations, compression.as_ref(), &input.metrics);
-        input.summary = sections::summary(&self.poses, calibration, validations, compression.as_ref());
+        input.facts =
+            sections::headlines(calibration, validations, compression.as_ref(), &input.metrics);
+        input.summary =
+            sections::summary(&self.poses, calibration, validations, compression.as_ref());
         progress.report(0.6, "page");
         Ok(ReportFile(report::render(&input)?.into_bytes()))
     }

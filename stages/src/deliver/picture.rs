@@ -31,7 +31,10 @@ pub struct ShownPicture {
 
 fn picture(mammograms: &Mammograms, number: usize) -> Result<&Radiograph, Failure> {
     mammograms.pictures.get(number).ok_or_else(|| {
-        Failure::BadInput(format!("picture {number}: only {} were taken", mammograms.pictures.len()))
+        Failure::BadInput(format!(
+            "picture {number}: only {} were taken",
+            mammograms.pictures.len()
+        ))
     })
 }
 

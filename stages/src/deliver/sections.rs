@@ -43,7 +43,10 @@ pub fn poses(names: &[String], (pictures, surfaces, registered): &Images) -> Vec
             facts: vec![
                 Fact::new(
                     "Right breast",
-                    format!("{:.0} ml", volume(&[Tissue::AdiposeRight, Tissue::FibroglandularRight])),
+                    format!(
+                        "{:.0} ml",
+                        volume(&[Tissue::AdiposeRight, Tissue::FibroglandularRight])
+                    ),
                 ),
                 Fact::new(
                     "Left breast",
@@ -54,7 +57,8 @@ pub fn poses(names: &[String], (pictures, surfaces, registered): &Images) -> Vec
             registration: None,
         };
         let moving = n.checked_sub(1).and_then(|m| registered.get(m));
-        if let (Some(moving), Some(own), Some(fixed)) = (moving, surfaces.get(n), surfaces.first()) {
+        if let (Some(moving), Some(own), Some(fixed)) = (moving, surfaces.get(n), surfaces.first())
+        {
             let t: &RigidTransform = &moving.transform;
             let g = moving.gravity;
             let mut facts = vec![
@@ -390,12 +394,14 @@ pub fn summary(
     if let Some(v) = validations.first() {
         let (then, now) =
             (v.before.distances.modified_hausdorff, v.after.distances.modified_hausdorff);
-        text += &format!("Held-out pose {}: {then:.2} mm before, {now:.2} mm after. ", v.after.pose);
+        text +=
+            &format!("Held-out pose {}: {then:.2} mm before, {now:.2} mm after. ", v.after.pose);
     }
     if let Some(c) = compression {
         let force = c.curve.force_n.last().copied().unwrap_or(0.0);
         let thickness = c.plates.thickness_mm;
-        text += &format!("{} breast compressed to {thickness:.1} mm with {force:.1} N.", c.side.name());
+        text +=
+            &format!("{} breast compressed to {thickness:.1} mm with {force:.1} N.", c.side.name());
     }
     text
 }

@@ -33,8 +33,7 @@ pub enum Ligament {
 
 impl Ligament {
     /// All of them.
-    pub const ALL: [Self; 4] =
-        [Self::Inframammary, Self::DeepMedial, Self::Cranial, Self::Lateral];
+    pub const ALL: [Self; 4] = [Self::Inframammary, Self::DeepMedial, Self::Cranial, Self::Lateral];
 
     /// Word in study files.
     pub fn name(self) -> &'static str {

@@ -20,7 +20,7 @@ use mammotwin_data::{
 use mammotwin_solver::{
     materials::Law,
     model::Model,
-    terms::{Bulk, Cable, Cables, GridDistance, Gravity, Membrane, Sliding, Target},
+    terms::{Bulk, Cable, Cables, Gravity, GridDistance, Membrane, Sliding, Target},
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -103,9 +103,9 @@ impl<'a> Body<'a> {
             Law::new(breast.name, young_kpa, breast.poisson, breast.jm).map_err(|c| refuse(&c))
         };
         let (right, left) = (bulk(moduli.right_kpa)?, bulk(moduli.left_kpa)?);
-        let is_right =
-            |t: &Tissue| matches!(t, Tissue::AdiposeRight | Tissue::FibroglandularRight);
-        let laws = self.mesh.tissues.iter().map(|t| if is_right(t) { right } else { left }).collect();
+        let is_right = |t: &Tissue| matches!(t, Tissue::AdiposeRight | Tissue::FibroglandularRight);
+        let laws =
+            self.mesh.tissues.iter().map(|t| if is_right(t) { right } else { left }).collect();
 
         let mesh = TetMesh { points: rest.to_vec(), ..self.mesh.clone() };
         let mut model = Model::new(&mesh);
@@ -115,13 +115,13 @@ impl<'a> Body<'a> {
             [("skin", &plan.skin, Patch::Skin), ("fascia", &plan.fascia, Patch::ChestWall)]
         {
             let (kind, jm) = law.map_or((layer.law, layer.jm), |l| (l.name, l.jm));
-            let law = Law::new(kind, layer.young_kpa, MEMBRANE_POISSON, jm)
-                .map_err(|c| refuse(&c))?;
+            let law =
+                Law::new(kind, layer.young_kpa, MEMBRANE_POISSON, jm).map_err(|c| refuse(&c))?;
             let faces = self.mesh.patch(patch);
             let thickness = vec![layer.thickness_mm; faces.len()];
             let laws = vec![law; faces.len()];
-            let membrane = Membrane::new(name, rest, faces, &thickness, &laws)
-                .map_err(|c| refuse(&c))?;
+            let membrane =
+                Membrane::new(name, rest, faces, &thickness, &laws).map_err(|c| refuse(&c))?;
             model.add(membrane).map_err(|c| refuse(&c))?;
         }
         if gravity != Vec3::zeros() {
