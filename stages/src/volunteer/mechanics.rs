@@ -1,26 +1,28 @@
 //! The truth's mechanics: the stress-free torso, meshed unlike any model under test, under
 //! gravity in each pose.
 
-use super::{PoseName, Torso, carry::Shapes};
+use super::{PoseName, Torso, carry::Shapes, study::model_plan};
+use crate::model::{Anatomy, Body, Moduli};
 use mammotwin_data::{
     Failure, Vec3,
-    labels::{Side, Tissue},
+    labels::Tissue,
     mesh::{Patch, TetMesh},
     progress::Progress,
     solution::Solution,
-    study::LawName,
+    study::ModelPlan,
+    volume::{Grid, Volume},
 };
 use mammotwin_solver::{
-    Model, Options,
-    materials::Law,
+    Options,
     mesh::{
         domain::{Domain, PatchDistances},
         lattice::Placement,
         tetrahedralize::{Meshing, tetrahedralize},
     },
     solve,
-    terms::{Bulk, Gravity, Membrane},
+    terms::GridDistance,
 };
+use std::sync::Arc;
 
 /// The stress-free torso between the breast limits.
 impl Domain for Torso {
@@ -66,66 +68,78 @@ pub fn stress_free_mesh(torso: &Torso, size_mm: f64) -> Result<TetMesh, Failure>
         .map_err(|cause| Failure::Numerics(format!("truth mesh: {cause}")))
 }
 
-/// The body in one pose.
-#[derive(Debug, Clone)]
-pub struct Deformed {
-    /// Which pose.
-    pub pose: PoseName,
-    /// Its equilibrium, in the common frame.
-    pub solution: Solution,
+/// The stress-free body, and the supine one to which supports are tied.
+pub struct TruthBody {
+    /// Stress-free.
+    pub mesh: TetMesh,
+    /// Equilibrium in the supine pose.
+    pub supine: Solution,
+    supine_mesh: TetMesh,
+    anatomy: Anatomy,
+    wall: Arc<GridDistance>,
+    plan: ModelPlan,
+    moduli: Moduli,
 }
 
-impl Deformed {
+/// Spacing (mm) of the samples of the chest wall's distance.
+const WALL_SPACING_MM: f64 = 3.0;
+
+impl TruthBody {
+    /// Meshes the stress-free torso and lays it on its back.
+    ///
+    /// Ligaments and lateral cables are just taut in the supine pose: they do not pull there, and
+    /// that equilibrium is found without them.
+    ///
+    /// # Errors
+    /// [`Failure::Numerics`] when there is no mesh or no equilibrium.
+    pub fn new(torso: &Torso, size_mm: f64, progress: &dyn Progress) -> Result<Self, Failure> {
+        let mesh = stress_free_mesh(torso, size_mm)?;
+        let (low, high) = torso.bounds();
+        let [low, high] = [low.add_scalar(-30.0), high.add_scalar(10.0)];
+        let count = |axis: usize| ((high[axis] - low[axis]) / WALL_SPACING_MM) as usize + 2;
+        let grid = Grid::aligned([count(0), count(1), count(2)], [WALL_SPACING_MM; 3], low);
+        let sample = |n: usize| torso.chest_wall(&grid.center(grid.voxel(n))) as f32;
+        let values = (0..grid.len()).map(sample).collect();
+        let wall = Arc::new(GridDistance::new(&Volume { grid, values }));
+        let plan = model_plan(&torso.person);
+        let moduli = Moduli::of(&plan);
+        let anatomy = |mesh: &TetMesh| {
+            Anatomy::of(mesh, 0.0).map_err(|cause| Failure::Numerics(format!("truth: {cause}")))
+        };
+
+        let mut free = mesh.clone();
+        free.patches.remove(&Patch::LateralRight);
+        free.patches.remove(&Patch::LateralLeft);
+        let mut untied = plan.clone();
+        untied.ligaments.names.clear();
+        let lying =
+            Body { mesh: &free, wall: wall.clone(), anatomy: &anatomy(&mesh)?, plan: &untied };
+        let model = lying.model(&mesh.points, moduli, PoseName::Supine.gravity(), None)?;
+        let supine = solve(&model, &mesh.points, &Options::default(), progress)
+            .map_err(|cause| Failure::Numerics(format!("truth, supine: {cause}")))?;
+        let supine_mesh = TetMesh { points: supine.points.clone(), ..mesh.clone() };
+        let anatomy = anatomy(&supine_mesh)?;
+        Ok(Self { mesh, supine, supine_mesh, anatomy, wall, plan, moduli })
+    }
+
+    /// The equilibrium in a pose, in the common frame.
+    ///
+    /// # Errors
+    /// [`Failure::Numerics`] when there is none.
+    pub fn deform(&self, pose: PoseName, progress: &dyn Progress) -> Result<Solution, Failure> {
+        if pose == PoseName::Supine {
+            return Ok(self.supine.clone());
+        }
+        let (mesh, anatomy, plan) = (&self.supine_mesh, &self.anatomy, &self.plan);
+        let body = Body { mesh, wall: self.wall.clone(), anatomy, plan };
+        let rest = &self.mesh.points;
+        let model = body.model(rest, self.moduli, pose.gravity(), None)?;
+        solve(&model, rest, &Options::default(), progress)
+            .map_err(|cause| Failure::Numerics(format!("truth, {}: {cause}", pose.name())))
+    }
+
     /// Stress-free and deformed shape.
-    pub fn shapes<'a>(&'a self, mesh: &'a TetMesh) -> Shapes<'a> {
-        Shapes { tets: &mesh.tets, rest: &mesh.points, deformed: &self.solution.points }
+    pub fn shapes<'a>(&'a self, deformed: &'a Solution) -> Shapes<'a> {
+        Shapes { tets: &self.mesh.tets, rest: &self.mesh.points, deformed: &deformed.points }
     }
-}
-
-/// Loads the stress-free body with gravity in a pose.
-///
-/// # Errors
-/// [`Failure::Numerics`] when there is no equilibrium.
-pub fn deform(
-    torso: &Torso,
-    mesh: &TetMesh,
-    pose: PoseName,
-    progress: &dyn Progress,
-) -> Result<Deformed, Failure> {
-    let model = model(torso, mesh, pose.gravity())?;
-    let solution = solve(&model, &mesh.points, &Options::default(), progress)
-        .map_err(|cause| Failure::Numerics(format!("{}: {cause}", pose.name())))?;
-    Ok(Deformed { pose, solution })
-}
-
-fn model(torso: &Torso, mesh: &TetMesh, gravity: Vec3) -> Result<Model, Failure> {
-    let refuse = |cause: &dyn std::fmt::Display| Failure::Numerics(format!("truth: {cause}"));
-    let (fixed, stiffness) = (&torso.person.fixed, &torso.person.stiffness);
-    let law = |young_kpa: f64| {
-        Law::new(LawName::NeoHookean, young_kpa, fixed.poisson, None).map_err(|c| refuse(&c))
-    };
-    let [right, left] = [law(stiffness.breast_right_kpa)?, law(stiffness.breast_left_kpa)?];
-    let side = |t: &Tissue| if *t == Tissue::AdiposeRight { Side::Right } else { Side::Left };
-    let of = |t: &Tissue| match side(t) {
-        Side::Right => right,
-        Side::Left => left,
-    };
-    let laws = mesh.tissues.iter().map(of).collect();
-    let mut model = Model::new(mesh);
-    model.add(Bulk::new("breast", mesh, laws).map_err(|c| refuse(&c))?).map_err(|c| refuse(&c))?;
-    let layers = [
-        ("skin", Patch::Skin, stiffness.skin_kpa, fixed.skin_mm),
-        ("fascia", Patch::ChestWall, stiffness.fascia_kpa, fixed.fascia_mm),
-    ];
-    for (name, patch, young_kpa, thickness_mm) in layers {
-        let (faces, law) = (mesh.patch(patch), law(young_kpa)?);
-        let sheet = Membrane::uniform(name, &mesh.points, faces, thickness_mm, law);
-        model.add(sheet.map_err(|c| refuse(&c))?).map_err(|c| refuse(&c))?;
-    }
-    let weight = Gravity::new("gravity", mesh, fixed.density_g_per_cm3, gravity);
-    model.add(weight).map_err(|c| refuse(&c))?;
-    for node in mesh.patch_nodes(Patch::ChestWall) {
-        model.fix_node(node);
-    }
-    Ok(model)
 }

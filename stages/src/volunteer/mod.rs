@@ -14,6 +14,7 @@ pub mod mechanics;
 pub mod motion;
 mod posed;
 pub mod preset;
+pub mod score;
 mod study;
 #[cfg(test)]
 mod tests;
@@ -24,12 +25,14 @@ pub mod truth;
 pub use motion::{Motion, PoseName};
 pub use posed::PosedBody;
 pub use preset::Preset;
+pub use score::{Found, Score, score};
 pub use torso::Torso;
 pub use truth::Truth;
 
 use mammotwin_data::{
     Failure, Vec3,
     io::{
+        hdf5,
         landmarks::write_csv,
         nifti::{self, Version, VoxelType},
     },
@@ -38,6 +41,7 @@ use mammotwin_data::{
     volume::Grid,
 };
 use mammotwin_imaging::mri::synthesize as mri;
+use mechanics::TruthBody;
 use std::path::{Path, PathBuf};
 use truth::PoseTruth;
 
@@ -88,7 +92,10 @@ const FAT: f64 = 800.0;
 const FAT_SNR: f64 = 55.0;
 
 /// Makes a volunteer and writes `{pose}.nii.gz`, `{pose}_landmarks.csv`, `study.toml`, and
-/// `truth/`.
+/// `truth/`: `truth.json` ([`Truth`]), `{pose}_labels.nii.gz`, and `bodies.h5` (the stress-free
+/// mesh and its equilibrium in each pose, common frame; without what people add).
+///
+/// There is no mammography record yet: the truth is not compressed.
 ///
 /// # Errors
 /// [`Failure::Usage`] for an unknown preset, [`Failure::Numerics`] when a pose has no
@@ -107,21 +114,25 @@ pub fn synthesize(settings: &Settings, progress: &dyn Progress) -> Result<Writte
 
     let marks = landmarks::stress_free(&torso);
     let size_mm = torso.person.truth_mesh.size_mm;
-    let mesh = mechanics::stress_free_mesh(&torso, size_mm)?;
+    let lying = Part { whole: progress, from: 0.0, to: 0.2 };
+    let truth_body = TruthBody::new(&torso, size_mm, &lying)?;
+    let mut bodies = hdf5::Writer::create(truth_dir.join("bodies.h5"))?;
+    bodies.put_mesh("stress_free", &truth_body.mesh)?;
     let mut truth = Truth::of(&torso, &settings.preset, settings.seed);
     for (done, &pose) in poses.iter().enumerate() {
-        let part = |n: usize| n as f64 / poses.len() as f64;
+        let part = |n: usize| 0.2 + 0.8 * n as f64 / poses.len() as f64;
         let progress = Part { whole: progress, from: part(done), to: part(done + 1) };
         let solving = Part { whole: &progress, from: 0.0, to: 0.5 };
         let scanning = Part { whole: &progress, from: 0.5, to: 1.0 };
-        let deformed = mechanics::deform(&torso, &mesh, pose, &solving)?;
-        let shapes = deformed.shapes(&mesh);
+        let deformed = truth_body.deform(pose, &solving)?;
+        bodies.put_solution(pose.name(), &deformed)?;
+        let shapes = truth_body.shapes(&deformed);
         let motion = Motion::drawn(&torso, pose, settings.seed);
         let to_image = |x: &Vec3| motion.to_image(&torso, &shapes.forward(x));
         let exact: Landmarks =
             Landmarks(marks.0.iter().map(|(name, x)| (name.clone(), to_image(x))).collect());
         let to_image = |x: &Vec3| motion.to_image(&torso, x).y;
-        let front = deformed.solution.points.iter().map(to_image).fold(f64::MIN, f64::max);
+        let front = deformed.points.iter().map(to_image).fold(f64::MIN, f64::max);
         let grid = field_of_view(&torso.person, settings.voxel_mm, front);
         let corners = [grid.center([0; 3]), grid.center(grid.shape.map(|n| n - 1))];
         let body = PosedBody::new(&torso, &motion, &shapes, corners, LATTICE_MM);
@@ -137,6 +148,7 @@ pub fn synthesize(settings: &Settings, progress: &dyn Progress) -> Result<Writte
         write_csv(&file(out, "_landmarks.csv"), &pointed)?;
         truth.poses.insert(pose.name().into(), PoseTruth::of(pose, &motion, exact));
     }
+    bodies.finish()?;
     truth.save(&truth_dir.join("truth.json"))?;
     let study = out.join("study.toml");
     let text = study::text(&torso, &truth, &poses, settings.seed);

@@ -1,6 +1,6 @@
 //! What a digital volunteer is like before the seed varies her.
 
-use mammotwin_data::Failure;
+use mammotwin_data::{Failure, study::InterfaceKind};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -97,6 +97,8 @@ pub struct Fixed {
     pub poisson: f64,
     /// Density of all tissues (g/cm³).
     pub density_g_per_cm3: f64,
+    /// What happens between breast and muscle.
+    pub interface: InterfaceKind,
     /// Coulomb friction between breast and muscle.
     pub friction: f64,
 }

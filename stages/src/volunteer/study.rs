@@ -1,11 +1,35 @@
 //! The study file of a digital volunteer, ready to run.
 
 use super::{
-    PoseName, Torso, Truth,
+    PoseName, Preset, Torso, Truth,
     preset::{Stream, stream},
+};
+use mammotwin_data::study::{
+    BreastPlan, InterfaceKind, InterfacePlan, LayerPlan, LigamentPlan, ModelPlan, MusclePlan,
 };
 use rand::Rng;
 use std::fmt::Write;
+
+/// The model of the truth, which the study describes too.
+pub fn model_plan(person: &Preset) -> ModelPlan {
+    let (fixed, stiffness) = (&person.fixed, &person.stiffness);
+    ModelPlan {
+        reference_pose: Some(PoseName::Supine.name().into()),
+        breast: BreastPlan {
+            young_right_kpa: stiffness.breast_right_kpa,
+            young_left_kpa: stiffness.breast_left_kpa,
+            poisson: fixed.poisson,
+            ..BreastPlan::default()
+        },
+        skin: LayerPlan::neo_hookean(stiffness.skin_kpa, fixed.skin_mm),
+        fascia: LayerPlan::neo_hookean(stiffness.fascia_kpa, fixed.fascia_mm),
+        muscle: MusclePlan { rigid: true, young_kpa: fixed.muscle_kpa },
+        ligaments: LigamentPlan { young_kpa: fixed.ligaments_kpa, ..LigamentPlan::default() },
+        interface: InterfacePlan { kind: fixed.interface, friction: fixed.friction },
+        density_g_per_cm3: fixed.density_g_per_cm3,
+        effects: Vec::new(),
+    }
+}
 
 /// Text of `study.toml`. It states the truth's model, but a breast that is 1.25 to 1.5 times
 /// too stiff or too soft: the calibration is to find that.
@@ -59,7 +83,7 @@ skin = {{ law = "neo_hookean", young_kpa = {skin}, thickness_mm = {skin_mm} }}
 fascia = {{ law = "neo_hookean", young_kpa = {fascia}, thickness_mm = {fascia_mm} }}
 muscle = {{ rigid = true, young_kpa = {muscle} }}
 ligaments = {{ young_kpa = {ligaments}, names = ["inframammary", "deep_medial", "cranial", "lateral"] }}
-interface = {{ kind = "bonded", friction = {friction} }}
+interface = {{ kind = "{interface}", friction = {friction} }}
 
 [mesh]
 size_mm = {size}
@@ -89,6 +113,10 @@ calcifications = {{ rows = 7, columns = 3, pitch_mm = 10.0, diameter_mm = [0.2, 
         fascia_mm = fixed.fascia_mm,
         muscle = float(fixed.muscle_kpa),
         ligaments = float(fixed.ligaments_kpa),
+        interface = match fixed.interface {
+            InterfaceKind::NoSeparation => "no_separation",
+            InterfaceKind::Bonded => "bonded",
+        },
         friction = float(fixed.friction),
         size = float(person.study_mesh.size_mm),
         distance = float(compression.chest_wall_distance_mm),
@@ -105,7 +133,7 @@ fn float(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::volunteer::{Motion, Preset, truth::PoseTruth};
+    use crate::volunteer::{Motion, truth::PoseTruth};
     use mammotwin_data::landmarks::Landmarks;
 
     #[test]
@@ -125,6 +153,11 @@ mod tests {
                 let gravity = known.to_common.direction(&pose.gravity().unwrap());
                 assert!((gravity - known.gravity_in_common).norm() < 1e-8, "{name}: {gravity}");
             }
+            let mut described = study.model.clone();
+            let known = model_plan(&torso.person);
+            described.breast.young_right_kpa = known.breast.young_right_kpa;
+            described.breast.young_left_kpa = known.breast.young_left_kpa;
+            assert_eq!(described, known);
             let ratio = study.model.breast.young_right_kpa / study.model.breast.young_left_kpa;
             let moduli = &truth.moduli;
             let true_ratio = moduli["breast.young_right_kpa"] / moduli["breast.young_left_kpa"];
