@@ -134,7 +134,10 @@ impl TruthBody {
         let body = Body { mesh, wall: self.wall.clone(), anatomy, plan };
         let rest = &self.mesh.points;
         let model = body.model(rest, self.moduli, pose.gravity(), None)?;
-        solve(&model, rest, &Options::default(), progress)
+        // Poses in which gravity presses on the chest are nearer to the supine one.
+        let pressed = pose.gravity().dot(&PoseName::Supine.gravity()) > 0.0;
+        let start = if pressed { &self.supine.points } else { rest };
+        solve(&model, start, &Options::default(), progress)
             .map_err(|cause| Failure::Numerics(format!("truth, {}: {cause}", pose.name())))
     }
 
