@@ -1,5 +1,7 @@
 //! NIfTI files in and out: what is kept, what is refused, and in which words.
 
+#![allow(clippy::unwrap_used)] // a test may fail at once
+
 use mammotwin_data::{
     Failure, Mat3, Vec3,
     io::nifti::{self, NiftiError, Version, VoxelType},

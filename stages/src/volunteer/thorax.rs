@@ -105,7 +105,7 @@ fn spine(torso: &Torso, p: &Vec3) -> Option<Substance> {
     if body < 0.0 {
         let along = (p.z / 25.0 - (p.z / 25.0).floor()) * 25.0;
         let disc = along < 5.5;
-        return Some(match (disc, body > -1.5 || along < 7.0 || along > 23.5) {
+        return Some(match (disc, body > -1.5 || !(7.0..=23.5).contains(&along)) {
             (true, _) => Substance::Disc,
             (false, true) => Substance::CorticalBone,
             (false, false) => Substance::VertebralMarrow,

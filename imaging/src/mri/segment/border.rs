@@ -65,7 +65,7 @@ pub(super) fn check_faces(
                     if labels.at(voxel).is_breast() {
                         let p = frame.body_from_voxel.apply(&Vec3::from(voxel.map(|v| v as f64)));
                         if p.y > from_y {
-                            area[usize::from(limits.from_sternum(p.x, p.z) < 0.0)] += face_mm2;
+                            area[usize::from(limits.right_of_sternum(p.x, p.z) < 0.0)] += face_mm2;
                         }
                     }
                 }

@@ -10,7 +10,7 @@ fn for_each_line(
     let stride: usize = shape[..axis].iter().product();
     let n = shape[axis];
     let (mut from, mut to) = (vec![0.0; n], vec![0.0; n]);
-    for start in (0..values.len()).filter(|s| s / stride % n == 0) {
+    for start in (0..values.len()).filter(|s| (s / stride).is_multiple_of(n)) {
         for i in 0..n {
             from[i] = values[start + i * stride];
         }

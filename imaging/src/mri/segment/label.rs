@@ -92,15 +92,16 @@ pub(super) fn assign(
     let place = |n: usize, p: &Vec3| {
         let (radius, at) = wall.polar.locate(p);
         let seen = !wall.whole_back || wall.polar.holds(at);
-        if !mask[n] && !(seen && radius < f64::from(wall.polar.value(&wall.front, at))) {
+        let behind = radius < f64::from(wall.polar.value(&wall.front, at));
+        if !(mask[n] || (seen && behind)) {
             return Place::Air;
         }
-        if radius < f64::from(wall.polar.value(&wall.front, at)) {
+        if behind {
             let rear = f64::from(wall.polar.value(&wall.rear, at));
             let muscle = radius >= rear && p.y > limits.lateral_y;
             return if muscle { Place::Muscle } else { Place::Thorax };
         }
-        let side = usize::from(limits.from_sternum(p.x, p.z) < 0.0);
+        let side = usize::from(limits.right_of_sternum(p.x, p.z) < 0.0);
         let [low, high] = limits.z[side];
         let within = p.z >= low.max(rows[0]) && p.z <= high && p.y > limits.lateral_y;
         if within { Place::Breast } else { Place::Other }
@@ -154,7 +155,7 @@ pub(super) fn assign(
                     let p = body_point(n);
                     let value = beside_wall(&p).unwrap_or(brightness.values[n]);
                     let gland = f64::from(value) < classes.threshold;
-                    match (gland, limits.from_sternum(p.x, p.z) >= 0.0) {
+                    match (gland, limits.right_of_sternum(p.x, p.z) >= 0.0) {
                         (false, true) => Tissue::AdiposeRight,
                         (false, false) => Tissue::AdiposeLeft,
                         (true, true) => Tissue::FibroglandularRight,

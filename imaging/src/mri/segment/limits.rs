@@ -21,7 +21,7 @@ pub(super) struct BodyLimits {
 
 impl BodyLimits {
     /// Signed distance along x from the sternal plane; positive on the right.
-    pub(super) fn from_sternum(&self, x: f64, z: f64) -> f64 {
+    pub(super) fn right_of_sternum(&self, x: f64, z: f64) -> f64 {
         x - self.sternum[0] - self.sternum[1] * z
     }
 }
@@ -170,7 +170,7 @@ fn cross_sections(wall: &Wall, limits: &BodyLimits) -> [Vec<f64>; 2] {
         if (polar.angle(column) - std::f64::consts::FRAC_PI_2).abs() > SECTOR {
             continue;
         }
-        let side = usize::from(limits.from_sternum(p.x, p.z) < 0.0);
+        let side = usize::from(limits.right_of_sternum(p.x, p.z) < 0.0);
         let outer = f64::from(wall.surface[column]);
         let inner = (f64::from(wall.front[column]) + layer).min(outer);
         let sector = polar.steps_mm(1.0)[0];
