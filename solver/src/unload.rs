@@ -3,8 +3,7 @@
 //! The rest positions X are moved against the miss of the loaded body, X + loaded - x(X)
 //! (Sellier, *Comput. Mech.* 48 (2011) 503, <https://doi.org/10.1007/s00466-011-0593-0>), sped up
 //! by Anderson mixing over the last iterations (Walker & Ni, *SIAM J. Numer. Anal.* 49 (2011)
-//! 1715). A step that turns an element of the rest shape inside out, or to a rest shape that
-//! cannot carry its load, is halved.
+//! 1715). A step to a rest shape that misses by more, or cannot carry its load, is halved.
 
 use crate::model::Model;
 use crate::solve::{self, SolveError, solve};
@@ -18,8 +17,11 @@ use nalgebra::{DMatrix, DVector};
 /// How the stress-free shape is sought.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Largest distance (mm) of a node of the loaded body from where it is known to be.
+    /// Root mean square distance (mm) of the loaded nodes from where they are known to be, below
+    /// which the search ends.
     pub tolerance_mm: f64,
+    /// The same, above which a search that no longer gains is a failure.
+    pub acceptable_mm: f64,
     /// Equilibria that may be computed.
     pub max_iterations: usize,
     /// Past iterations that the mixing looks at.
@@ -30,7 +32,13 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { tolerance_mm: 0.05, max_iterations: 60, memory: 6, solve: solve::Options::default() }
+        Self {
+            tolerance_mm: 0.05,
+            acceptable_mm: 1.0,
+            max_iterations: 20,
+            memory: 4,
+            solve: solve::Options::default(),
+        }
     }
 }
 
@@ -41,7 +49,9 @@ pub struct StressFree {
     pub rest: Vec<Vec3>,
     /// The body under load, from those rest positions.
     pub loaded: Solution,
-    /// Largest distance (mm) of a node under load from where it is known to be.
+    /// Root mean square distance (mm) of the nodes under load from where they are known to be.
+    pub rms_mm: f64,
+    /// The largest such distance (mm).
     pub miss_mm: f64,
     /// Equilibria that were computed.
     pub iterations: usize,
@@ -56,11 +66,11 @@ pub enum UnloadError {
     /// The first rest shape carries no load.
     #[error("the first rest shape carries no load: {0}")]
     Solve(#[source] Box<SolveError>),
-    /// Not below the tolerance.
+    /// Not close enough.
     #[error(
-        "stress-free shape still {:.3} mm off after {} equilibria; \
+        "stress-free shape still {:.2} mm (rms) off after {} equilibria; \
          stiffen the tissue or hold the body better",
-        best.miss_mm, best.iterations
+        best.rms_mm, best.iterations
     )]
     Slow {
         /// The best shape found.
@@ -68,12 +78,18 @@ pub enum UnloadError {
     },
 }
 
+/// Rounds without a gain of a tenth after which the search ends.
+const IDLE_ROUNDS: usize = 3;
+
 /// Finds the rest positions from which the model of `build` takes the shape `loaded` (mm),
 /// beginning the search at `guess` (`loaded` itself when nothing better is known).
 ///
+/// The search ends below the tolerance, or when it gains no more; the caller reads from
+/// [`StressFree::rms_mm`] how close it came.
+///
 /// # Errors
-/// A model that cannot be built or loaded on the first guess, or no convergence; the error then
-/// keeps the best shape.
+/// A model that cannot be built or loaded on the first guess, or a shape that stays farther off
+/// than is acceptable; the error then keeps the best shape.
 pub fn stress_free<E: std::fmt::Display>(
     loaded: &[Vec3],
     guess: &[Vec3],
@@ -83,48 +99,43 @@ pub fn stress_free<E: std::fmt::Display>(
 ) -> Result<StressFree, UnloadError> {
     let first = build(guess).map_err(|error| UnloadError::Model(error.to_string()))?;
     let start = solve(&first, loaded, &options.solve, &Silent);
-    let mut now =
+    let mut best =
         Iterate::new(guess.to_vec(), start.map_err(|e| UnloadError::Solve(e.into()))?, loaded);
-    let first_miss = now.miss_mm;
-    let mut best = now.stress_free(1);
+    let first_rms = best.rms_mm;
     let mut past: Vec<Iterate> = Vec::new();
-    let mut iterations = 1;
-    while now.miss_mm > options.tolerance_mm && iterations < options.max_iterations {
-        let mut step = mixed_step(&past, &now);
-        let mut next = None;
-        while iterations < options.max_iterations && next.is_none() {
-            let rest: Vec<Vec3> = now.rest.iter().zip(&step).map(|(x, dx)| x + dx).collect();
-            if let Ok(model) = build(&rest) {
-                iterations += 1;
-                let solved = solve(&model, loaded, &options.solve, &Silent);
-                next = solved.ok().map(|solution| Iterate::new(rest, solution, loaded));
-            }
-            if next.is_none() {
-                // Past iterates led out of bounds: forget them.
-                past.clear();
-                step.iter_mut().for_each(|dx| *dx *= 0.5);
-                if step.iter().map(|dx| dx.norm()).fold(0.0, f64::max) < 1e-3 {
-                    return Err(UnloadError::Slow { best: best.into() });
+    let (mut iterations, mut idle, mut damping) = (1, 0, 1.0);
+    while best.rms_mm > options.tolerance_mm
+        && iterations < options.max_iterations
+        && idle < IDLE_ROUNDS
+    {
+        let step = mixed_step(&past, &best);
+        let rest: Vec<Vec3> = best.rest.iter().zip(&step).map(|(x, dx)| x + damping * dx).collect();
+        iterations += 1;
+        let solved = build(&rest)
+            .ok()
+            .and_then(|model| solve(&model, &best.solution.points, &options.solve, &Silent).ok());
+        match solved.map(|solution| Iterate::new(rest, solution, loaded)) {
+            Some(next) if next.rms_mm < best.rms_mm => {
+                idle = if next.rms_mm < 0.9 * best.rms_mm { 0 } else { idle + 1 };
+                past.push(std::mem::replace(&mut best, next));
+                if past.len() > options.memory {
+                    past.remove(0);
                 }
+                damping = f64::min(1.0, 2.0 * damping);
+            }
+            // Too far, or past iterates led astray: forget them and go half as far.
+            _ => {
+                past.clear();
+                damping *= 0.5;
+                idle += 1;
             }
         }
-        let Some(next) = next else { break };
-        past.push(std::mem::replace(&mut now, next));
-        if past.len() > options.memory {
-            past.remove(0);
-        }
-        if now.miss_mm < best.miss_mm {
-            best = now.stress_free(iterations);
-        }
-        best.iterations = iterations;
-        let gained = (first_miss / now.miss_mm).ln() / (first_miss / options.tolerance_mm).ln();
-        progress.report(gained.clamp(0.0, 1.0), &format!("{:.2} mm off", now.miss_mm));
+        let gained = (first_rms / best.rms_mm).ln() / (first_rms / options.tolerance_mm).ln();
+        progress.report(gained.clamp(0.0, 1.0), &format!("{:.2} mm off", best.rms_mm));
     }
-    if best.miss_mm <= options.tolerance_mm {
-        Ok(best)
-    } else {
-        Err(UnloadError::Slow { best: best.into() })
-    }
+    let acceptable = best.rms_mm <= options.acceptable_mm;
+    let found = best.stress_free(iterations);
+    if acceptable { Ok(found) } else { Err(UnloadError::Slow { best: found.into() }) }
 }
 
 /// One rest shape with its equilibrium.
@@ -134,6 +145,7 @@ struct Iterate {
     /// Known minus computed position of each node (mm).
     miss: Vec<Vec3>,
     miss_mm: f64,
+    rms_mm: f64,
 }
 
 impl Iterate {
@@ -141,13 +153,16 @@ impl Iterate {
         let miss: Vec<Vec3> =
             loaded.iter().zip(&solution.points).map(|(want, got)| want - got).collect();
         let miss_mm = miss.iter().map(|m| m.norm()).fold(0.0, f64::max);
-        Self { rest, solution, miss, miss_mm }
+        let squares: f64 = miss.iter().map(|m| m.norm_squared()).sum();
+        let rms_mm = (squares / miss.len().max(1) as f64).sqrt();
+        Self { rest, solution, miss, miss_mm, rms_mm }
     }
 
     fn stress_free(&self, iterations: usize) -> StressFree {
         StressFree {
             rest: self.rest.clone(),
             loaded: self.solution.clone(),
+            rms_mm: self.rms_mm,
             miss_mm: self.miss_mm,
             iterations,
         }

@@ -13,7 +13,7 @@ use mammotwin_data::{Mat3, Vec3};
 use std::{collections::BTreeMap, sync::Arc};
 
 /// Penalty in units of the tissue's shear modulus over the node's own width.
-const PENALTY: f64 = 100.0;
+const PENALTY: f64 = 1000.0;
 
 /// Area (mm²) of the faces that belongs to each of their nodes.
 pub(crate) fn node_areas(points: &[Vec3], faces: &[[u32; 3]]) -> BTreeMap<u32, f64> {

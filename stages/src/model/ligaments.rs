@@ -9,6 +9,7 @@ use super::anatomy::Anatomy;
 use mammotwin_data::{
     Vec3,
     mesh::{Patch, TetMesh},
+    surface::TriMesh,
 };
 
 /// Distance (mm) from a node to its anchor when the cable is just taut.
@@ -73,9 +74,15 @@ pub struct CablePlan {
     pub section_mm2: f64,
 }
 
-/// The cables of the ligaments in `names` for a mesh whose nodes are in the reference pose.
-pub fn cables(mesh: &TetMesh, anatomy: &Anatomy, names: &[Ligament]) -> Vec<CablePlan> {
-    let wall = mesh.patch_surface(Patch::ChestWall);
+/// The cables of the ligaments in `names`. Which nodes they hold is seen in the reference pose
+/// (the points of `mesh`); they are just taut in the stress-free shape `rest`.
+pub fn cables(
+    mesh: &TetMesh,
+    rest: &[Vec3],
+    anatomy: &Anatomy,
+    names: &[Ligament],
+) -> Vec<CablePlan> {
+    let wall = TriMesh { points: rest.to_vec(), ..mesh.patch_surface(Patch::ChestWall) };
     let normals = wall.vertex_normals();
     let mut area = vec![0.0; mesh.points.len()];
     for t in 0..wall.triangles.len() {
@@ -101,7 +108,7 @@ pub fn cables(mesh: &TetMesh, anatomy: &Anatomy, names: &[Ligament]) -> Vec<Cabl
         let rim_length = area[node as usize] / (half_axis * (RIM[1] - RIM[0]));
         cables.push(CablePlan {
             node,
-            anchor: p + LENGTH_MM * outward,
+            anchor: rest[node as usize] + LENGTH_MM * outward,
             section_mm2: SHEET_MM * rim_length,
         });
     }
@@ -116,8 +123,9 @@ pub fn shared_nodes(mesh: &TetMesh, one: Patch, other: Patch) -> Vec<u32> {
 
 /// Cables that hold the fascia at the midaxillary cuts, where it goes on to the back
 /// (Mîra 2018, § 3.4).
-pub fn lateral_cables(mesh: &TetMesh) -> Vec<CablePlan> {
-    let normals = mesh.patch_surface(Patch::ChestWall).vertex_normals();
+pub fn lateral_cables(mesh: &TetMesh, rest: &[Vec3]) -> Vec<CablePlan> {
+    let wall = TriMesh { points: rest.to_vec(), ..mesh.patch_surface(Patch::ChestWall) };
+    let normals = wall.vertex_normals();
     let mut cables = Vec::new();
     for cut in [Patch::LateralRight, Patch::LateralLeft] {
         let ends = shared_nodes(mesh, Patch::ChestWall, cut);
@@ -126,7 +134,7 @@ pub fn lateral_cables(mesh: &TetMesh) -> Vec<CablePlan> {
         let high = ends.iter().map(z).fold(f64::NEG_INFINITY, f64::max);
         let length = (high - low) / ends.len().max(1) as f64;
         for node in ends {
-            let (p, normal) = (mesh.points[node as usize], normals[node as usize]);
+            let (p, normal) = (rest[node as usize], normals[node as usize]);
             let back = -Vec3::y();
             let Some(along) = (back - normal * back.dot(&normal)).try_normalize(1e-6) else {
                 continue;

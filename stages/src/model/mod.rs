@@ -1,8 +1,8 @@
 //! What a breast is to the solver: which terms, which supports, on which nodes.
 //!
 //! The body is known in its reference pose (the pose of the mesh); its stress-free shape is a
-//! value that calibration looks for. Ligaments and cut edges hold the body where it is in the
-//! reference pose.
+//! value that calibration looks for. Ligaments are just taut in the stress-free shape; cut edges
+//! hold the body where it is in the reference pose.
 
 mod anatomy;
 mod ligaments;
@@ -128,12 +128,12 @@ impl<'a> Body<'a> {
             let weight = Gravity::new("gravity", &mesh, plan.density_g_per_cm3, gravity);
             model.add(weight).map_err(|c| refuse(&c))?;
         }
-        self.support(&mut model)?;
+        self.support(&mut model, rest)?;
         Ok(model)
     }
 
     /// Chest wall, ligaments and cut edges (Mîra 2018, § 3.4).
-    fn support(&self, model: &mut Model) -> Result<(), Failure> {
+    fn support(&self, model: &mut Model, rest: &[Vec3]) -> Result<(), Failure> {
         let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("model: {cause}"));
         let reference = &self.mesh.points;
         match self.plan.interface.kind {
@@ -165,8 +165,8 @@ impl<'a> Body<'a> {
             stiffness_mn_per_mm: young * plan.section_mm2 / LENGTH_MM,
         };
         let rows = [
-            ("ligaments", cables(self.mesh, self.anatomy, &names)),
-            ("lateral_cables", lateral_cables(self.mesh)),
+            ("ligaments", cables(self.mesh, rest, self.anatomy, &names)),
+            ("lateral_cables", lateral_cables(self.mesh, rest)),
         ];
         for (name, plans) in rows.iter().filter(|(_, plans)| !plans.is_empty()) {
             let cables = plans.iter().map(tie).collect();
