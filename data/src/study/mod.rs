@@ -1,6 +1,6 @@
 //! The study: one TOML file that a person writes, with units in its key names.
 //!
-//! Unknown keys are refused by serde; [`validate`] refuses implausible values. Paths are relative
+//! Unknown keys are refused by serde; `validate` refuses implausible values. Paths are relative
 //! to the folder of the study file.
 
 mod locate;

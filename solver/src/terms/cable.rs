@@ -1,7 +1,7 @@
 //! Suspensory ligaments: cables that pull but never push.
 //!
 //! With the extension e of a cable of stiffness k, the energy is ½ k e² when taut and 0 when
-//! slack; over the first [`SMOOTHING`] of its length the stiffness rises linearly from 0 to k, so
+//! slack; over the first `SMOOTHING` of its length the stiffness rises linearly from 0 to k, so
 //! that second derivatives are continuous.
 
 use super::{At, Block, Order, Term};

@@ -1,9 +1,9 @@
 //! Fully automatic segmentation of a breast MRI without fat suppression.
 //!
-//! One file a step: [`frame`] turns the image into the body's own axes, [`body`] finds the air
-//! around it, [`shading`] learns how bright fat is at each place, [`wall`] finds the chest wall as
-//! a smooth optimal surface ([`search`]) over a map about the thorax' axis ([`polar`]),
-//! [`limits`] says where the breasts end, [`tissue`] parts gland and fat, and [`label`] writes it
+//! One file a step: `frame` turns the image into the body's own axes, `body` finds the air
+//! around it, `shading` learns how bright fat is at each place, `wall` finds the chest wall as
+//! a smooth optimal surface (`search`) over a map about the thorax' axis (`polar`),
+//! `limits` says where the breasts end, `tissue` parts gland and fat, and `label` writes it
 //! all on the image's own grid.
 //!
 //! The breasts end by convention: at the sternal plane of symmetry, at the lateral plane through
