@@ -98,6 +98,9 @@ pub struct StudyArguments {
 /// The demonstration.
 #[derive(Debug, Clone, Args)]
 pub struct DemoArguments {
+    /// Kind of volunteer: small; tiny, coarse and quick, shows only that all works
+    #[arg(long, default_value = "small")]
+    pub preset: String,
     /// Folder of the volunteer; the results go to `out` in it
     #[arg(long, value_name = "DIR", default_value = "runs/demo")]
     pub out: PathBuf,

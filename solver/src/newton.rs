@@ -111,7 +111,6 @@ impl Newton {
                     proximal = f64::max(PROXIMAL, proximal * PROXIMAL_GROWTH);
                 }
                 let Some(direction) = self.direction(proximal) else { continue };
-                let big = direction.iter().map(|d| d.norm()).fold(0.0, f64::max);
                     match self.search(model, state, energy, &direction) {
                     Ok(lower) => {
                         found = Some(lower);

@@ -80,6 +80,8 @@ pub enum UnloadError {
 
 /// Rounds without a gain of a tenth after which the search ends.
 const IDLE_ROUNDS: usize = 3;
+/// Shortest part of a step that is tried.
+const SHORTEST: f64 = 0.05;
 
 /// Finds the rest positions from which the model of `build` takes the shape `loaded` (mm),
 /// beginning the search at `guess` (`loaded` itself when nothing better is known).
@@ -127,7 +129,9 @@ pub fn stress_free<E: std::fmt::Display>(
             _ => {
                 past.clear();
                 damping *= 0.5;
-                idle += 1;
+                if damping < SHORTEST {
+                    break;
+                }
             }
         }
         let gained = (first_rms / best.rms_mm).ln() / (first_rms / options.tolerance_mm).ln();

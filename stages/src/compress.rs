@@ -147,7 +147,7 @@ impl Stage for Compress {
         progress.report(0.0, "without gravity");
         let options = Options::default();
         let free = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
-        let settled = solve(&free, &part.mesh.points, &options, &Silent).map_err(refuse)?.points;
+        let settled = solve(&free, &rest, &options, &Silent).map_err(refuse)?.points;
 
         // The cut at the sternum stays where it settled.
         let mut model = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;

@@ -20,7 +20,7 @@ pub fn synth(arguments: &SynthArguments) -> Result<(), Failure> {
 
 /// Makes the volunteer of the demonstration, unless she is there, and runs the whole pipeline.
 pub fn demo(arguments: &DemoArguments) -> Result<(), Failure> {
-    let settings = Settings::demo(&arguments.out);
+    let settings = Settings::demo(&arguments.preset, &arguments.out);
     let study = arguments.out.join("study.toml");
     // Written last: with this note all files of the volunteer are there.
     let note = arguments.out.join("volunteer.txt");

@@ -17,7 +17,7 @@ use mammotwin_data::{
     store::{Artifact, Stage},
     study::{CalibratePlan, ModelPlan},
 };
-use mammotwin_solver::unload;
+use mammotwin_solver::{solve, unload};
 use secant::Secant;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -251,7 +251,16 @@ impl Search<'_> {
         let gravity = self.targets[0].gravity;
         let model = |rest: &[Vec3]| self.body.model(rest, moduli, gravity, None);
         let options = unload::Options::default();
-        let found = unload::stress_free(loaded, warm.unwrap_or(loaded), model, &options, &Silent)
+        // Gravity turned round is the thesis' first guess.
+        let guess = match warm {
+            Some(rest) => rest.to_vec(),
+            None => {
+                let lifted = self.body.model(loaded, moduli, -gravity, None)?;
+                let solution = solve(&lifted, loaded, &options.solve, &Silent);
+                solution.map_or_else(|_| loaded.clone(), |solution| solution.points)
+            }
+        };
+        let found = unload::stress_free(loaded, &guess, model, &options, &Silent)
             .map_err(|cause| Failure::Numerics(format!("stress-free shape: {cause}")))?;
         let mut poses = Vec::new();
         for (n, target) in self.targets.iter().enumerate() {

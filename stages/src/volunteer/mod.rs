@@ -61,12 +61,13 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The volunteer of the demonstration: small, 1 mm, supine, prone and tilted.
-    pub fn demo(out_dir: &Path) -> Self {
+    /// The volunteer of the demonstration: supine, prone and tilted; small on voxels of 1 mm, any
+    /// other preset on its own.
+    pub fn demo(preset: &str, out_dir: &Path) -> Self {
         Self {
-            preset: "small".into(),
+            preset: preset.into(),
             seed: 7,
-            voxel_mm: Some([1.0; 3]),
+            voxel_mm: (preset == "small").then_some([1.0; 3]),
             poses: vec![PoseName::Supine, PoseName::Prone, PoseName::Tilted],
             out_dir: out_dir.into(),
         }

@@ -139,9 +139,10 @@ pub struct Compression {
     pub chest_wall_distance_mm: f64,
 }
 
-const FILES: [(&str, &str); 2] = [
+const FILES: [(&str, &str); 3] = [
     ("small", include_str!("../../../data/volunteers/small.toml")),
     ("large", include_str!("../../../data/volunteers/large.toml")),
+    ("tiny", include_str!("../../../data/volunteers/tiny.toml")),
 ];
 
 impl Preset {
@@ -212,8 +213,6 @@ pub(super) enum Stream {
     ChestWall,
     /// Errors of pointing at landmarks.
     Pointing,
-    /// Moduli at which the study starts.
-    Start,
 }
 
 /// The random numbers of a purpose.

@@ -1,13 +1,9 @@
 //! The study file of a digital volunteer, ready to run.
 
-use super::{
-    PoseName, Preset, Torso, Truth,
-    preset::{Stream, stream},
-};
+use super::{PoseName, Preset, Torso, Truth};
 use mammotwin_data::study::{
     BreastPlan, InterfaceKind, InterfacePlan, LayerPlan, LigamentPlan, ModelPlan, MusclePlan,
 };
-use rand::Rng;
 use std::fmt::Write;
 
 /// The model of the truth, which the study describes too.
@@ -31,15 +27,15 @@ pub fn model_plan(person: &Preset) -> ModelPlan {
     }
 }
 
-/// Text of `study.toml`. It states the truth's model, but a breast that is 1.25 to 1.5 times
-/// too stiff or too soft: the calibration is to find that.
+/// Young's modulus (kPa) of the breast that a study begins with (Mîra 2018, § 5.1.2).
+const LITERATURE_KPA: f64 = 0.5;
+
+/// Text of `study.toml`. It states the truth's model, but a breast as stiff as the literature has
+/// it: the calibration is to find how stiff it is.
 pub fn text(torso: &Torso, truth: &Truth, poses: &[PoseName], seed: u64) -> String {
     let person = &torso.person;
     let (fixed, stiffness, compression) = (&person.fixed, &person.stiffness, &person.compression);
-    let mut random = stream(seed, Stream::Start);
-    let factor: f64 = random.random_range(1.25..1.5);
-    let factor = if random.random_bool(0.5) { factor } else { 1.0 / factor };
-    let [right, left] = [stiffness.breast_right_kpa, stiffness.breast_left_kpa].map(|e| e * factor);
+    let [right, left] = [LITERATURE_KPA; 2];
 
     let mut poses_text = String::new();
     for pose in poses {
@@ -69,7 +65,7 @@ use = "{usage}"
     }
     format!(
         r#"# A digital volunteer: a synthetic subject. What is true of her is in truth/, which no stage
-# reads. The breast starts at a wrong stiffness; everything else of the model is true.
+# reads. The breast starts at a stiffness from the literature; everything else of the model is true.
 schema = 1
 
 [subject]
