@@ -50,6 +50,8 @@ const ARMIJO: f64 = 1e-4;
 const SHORTEST: f64 = 1e-6;
 /// Energy differences below this fraction of the energy exchanged are rounding.
 const ROUNDING: f64 = 1e-13;
+/// Forces are compared with at least this (mN), so that a body without load is in balance.
+const LEAST_FORCE: f64 = 1.0;
 /// First proximal stiffness, and its change, in units of the mean diagonal.
 const PROXIMAL: f64 = 1e-4;
 const PROXIMAL_GROWTH: f64 = 10.0;
@@ -214,6 +216,6 @@ impl Newton {
             .term_gradients(model, state)
             .map_err(|refusal| NewtonError::Start(refusal.into()))?;
         let force = |g: &Vec<Vec3>| g.iter().map(|f| f.norm()).sum::<f64>();
-        Ok(gradients.iter().map(force).fold(f64::MIN_POSITIVE, f64::max))
+        Ok(gradients.iter().map(force).fold(LEAST_FORCE, f64::max))
     }
 }
