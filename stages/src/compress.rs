@@ -13,7 +13,7 @@ use mammotwin_data::{
     progress::{Part, Progress, Silent},
     solution::Solution,
     store::{Artifact, Stage},
-    study::{CompressPlan, ModelPlan, Stop},
+    study::{CompressPlan, InterfaceKind, ModelPlan, Stop},
     surface::TriMesh,
     units::NEWTON,
 };
@@ -144,10 +144,19 @@ impl Stage for Compress {
             poisson: self.plan.law.poisson,
         };
         let refuse = |cause: SolveError| Failure::Numerics(format!("compress: {cause}"));
-        progress.report(0.0, "without gravity");
         let options = Options::default();
-        let free = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
-        let settled = solve(&free, &rest, &options, &Silent).map_err(refuse)?.points;
+        // Without gravity a bonded breast rests in its stress-free shape; one that slides is
+        // first brought onto the chest wall.
+        let settled = match self.model.interface.kind {
+            InterfaceKind::Bonded => rest.clone(),
+            InterfaceKind::NoSeparation => {
+                progress.report(0.0, "without gravity");
+                let free = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
+                solve(&free, &rest, &options, &Silent)
+                    .map_err(|cause| Failure::Numerics(format!("compress, settling: {cause}")))?
+                    .points
+            }
+        };
 
         // The cut at the sternum stays where it settled.
         let mut model = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
