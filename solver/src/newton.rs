@@ -113,7 +113,7 @@ impl Newton {
                     proximal = f64::max(PROXIMAL, proximal * PROXIMAL_GROWTH);
                 }
                 let Some(direction) = self.direction(proximal) else { continue };
-                    match self.search(model, state, energy, &direction) {
+                match self.search(model, state, energy, &direction) {
                     Ok(lower) => {
                         found = Some(lower);
                         break;
