@@ -120,7 +120,6 @@ fn the_truth_mesh_is_not_the_model_mesh() {
         let distances = torso.distances(p);
         distances.patches().filter(|&patch| distances.of(patch).abs() < 0.1).count() >= 3
     };
-    println!("{common:?}");
     assert!(common.len() <= 8 && common.iter().all(corner), "nodes in common: {common:?}");
     let volume = (truth.volume_mm3() / model.volume_mm3() - 1.0).abs();
     assert!(volume < 0.01, "volumes differ by {volume}");
