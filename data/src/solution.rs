@@ -1,6 +1,6 @@
 //! A body in equilibrium.
 
-use crate::{Mat3, Vec3};
+use crate::{Mat3, Vec3, rigid::RigidTransform};
 use std::collections::BTreeMap;
 
 /// One converged state of a model.
@@ -18,6 +18,21 @@ pub struct Solution {
     pub forces: BTreeMap<String, Vec3>,
     /// What was checked after the solve.
     pub checks: Checks,
+}
+
+impl Solution {
+    /// The same state in another frame, rest shape and current shape moved alike.
+    pub fn moved(&self, motion: &RigidTransform) -> Self {
+        let turn = |tensor: &Mat3| motion.rotation * tensor * motion.rotation.transpose();
+        let turned = |(name, force): (&String, &Vec3)| (name.clone(), motion.direction(force));
+        Self {
+            points: self.points.iter().map(|p| motion.point(p)).collect(),
+            deformation_gradient: self.deformation_gradient.iter().map(turn).collect(),
+            cauchy_kpa: self.cauchy_kpa.iter().map(turn).collect(),
+            forces: self.forces.iter().map(turned).collect(),
+            ..self.clone()
+        }
+    }
 }
 
 /// Numbers that say whether a state may be believed.

@@ -4,12 +4,13 @@
 //! same bits for any number of threads. Each node has four unknowns, three displacements and a
 //! pressure, kept together in the elimination order; fixed ones and absent pressures are left out.
 
+mod shift;
 mod slots;
 
 use crate::linear::{Ldlt, LinearError, Pattern};
 use crate::model::{Model, ModelError};
 use crate::ordering::{Graph, elimination_order};
-use crate::terms::{At, Block, ContactCheck, Load, Order, Refusal};
+use crate::terms::{At, Block, ContactCheck, Curvature, Load, Order, Refusal};
 use mammotwin_data::{Vec3, solution::Solution};
 use rayon::prelude::*;
 use slots::{NONE, pattern_of, scatter, slots_of};
@@ -27,7 +28,8 @@ pub struct State {
     pub pressure: Vec<f64>,
     /// Memory of each term.
     pub memory: Vec<Vec<f64>>,
-    /// Shear modulus of the tissue at each node (kPa).
+    /// Modulus (kPa) that scales the penalties at each node: the shear modulus of its tissue, or
+    /// more where that proved too soft.
     pub shear_kpa: Arc<[f64]>,
     /// What is switched on.
     pub load: Load,
@@ -42,15 +44,6 @@ pub struct TermRefusal {
     pub refusal: Refusal,
 }
 
-/// Whether the element Hessians are taken as they are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Curvature {
-    /// As they are.
-    Exact,
-    /// Without their negative eigenvalues.
-    Projected,
-}
-
 /// Sparsity, unknowns and compliance of a model.
 pub struct Assembly {
     /// Unknowns of each node: three displacements and the pressure.
@@ -60,6 +53,8 @@ pub struct Assembly {
     slots: Vec<Vec<u32>>,
     /// Constant part of the matrix: minus the compliance.
     constant: Vec<f64>,
+    /// Entries of the convex stiffness that may be added, and their places among the values.
+    shift: Vec<(u32, f64)>,
     /// Compliance of the pressures, factorised.
     compliance: Option<Ldlt>,
     /// Pressure unknown of each node within the compliance.
@@ -110,6 +105,7 @@ impl Assembly {
         let mut assembly = Self {
             slots: slots.collect(),
             constant: vec![0.0; pattern.rows.len()],
+            shift: shift::entries(model, &unknowns, &pattern),
             unknowns,
             pattern,
             compliance: None,
@@ -236,12 +232,8 @@ impl Assembly {
             let mut slots = self.slots[index].iter();
             let evaluate = |element: usize, block: &mut Block| {
                 *block = Block::ZERO;
-                let at = state.at(index);
-                term.block(element, &at, Order::Hessian, block)?;
-                if curvature == Curvature::Projected {
-                    block.project(term.nodes(element).len());
-                }
-                Ok(())
+                let at = At { curvature, ..state.at(index) };
+                term.block(element, &at, Order::Hessian, block)
             };
             for first in (0..term.elements()).step_by(CHUNK) {
                 let size = CHUNK.min(term.elements() - first);
@@ -315,21 +307,11 @@ impl Assembly {
         self.unknowns[node][axis] != NONE
     }
 
-    /// Adds a stiffness (mN/mm) to the diagonal of every displacement.
-    pub fn add_to_diagonal(&self, stiffness: f64, values: &mut [f64]) {
-        for unknown in self.unknowns.iter().flat_map(|u| &u[..3]).filter(|&&u| u != NONE) {
-            values[self.pattern.starts[*unknown as usize]] += stiffness;
+    /// Adds `factor` times the convex stiffness of [`Term::shift`] to a matrix.
+    pub fn add_shift(&self, factor: f64, values: &mut [f64]) {
+        for &(at, stiffness) in &self.shift {
+            values[at as usize] += factor * stiffness;
         }
-    }
-
-    /// Mean diagonal of the displacements (mN/mm).
-    pub fn mean_diagonal(&self, values: &[f64]) -> f64 {
-        let (mut sum, mut count) = (0.0, 0usize);
-        for unknown in self.unknowns.iter().flat_map(|u| &u[..3]).filter(|&&u| u != NONE) {
-            sum += values[self.pattern.starts[*unknown as usize]].abs();
-            count += 1;
-        }
-        sum / count.max(1) as f64
     }
 }
 
@@ -358,6 +340,7 @@ impl State {
             memory: &self.memory[index],
             shear_kpa: &self.shear_kpa,
             load: self.load,
+            curvature: Curvature::Exact,
         }
     }
 
@@ -372,6 +355,11 @@ impl State {
         for (term, memory) in model.terms().iter().zip(&mut self.memory) {
             term.update_multipliers(&self.points, &self.shear_kpa, self.load, memory);
         }
+    }
+
+    /// Makes the penalties of all contacts stiffer.
+    pub fn stiffen_contacts(&mut self, factor: f64) {
+        self.shear_kpa = self.shear_kpa.iter().map(|shear| factor * shear).collect();
     }
 
     /// Fields of a solution that the terms know.

@@ -14,9 +14,10 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
 
-/// Results are the same bits for equal degrees of parallelism, hence it is a constant and not the
-/// machine's number of cores.
+/// Results are the same bits for equal degrees of parallelism, hence it depends on the size of the
+/// system and not on the machine: a small one loses more by waiting than it gains.
 const PARALLEL_DEGREE: usize = 2;
+const PARALLEL_UNKNOWNS: usize = 10_000;
 /// Refinement ends when the residual is this small against the right-hand side.
 const RESIDUAL: f64 = 1e-12;
 /// Rounds of refinement.
@@ -107,10 +108,7 @@ pub struct Ldlt {
     values: Vec<f64>,
     factors: Vec<f64>,
     scratch: MemBuffer,
-}
-
-fn parallel() -> Par {
-    Par::rayon(PARALLEL_DEGREE)
+    parallel: Par,
 }
 
 impl Ldlt {
@@ -122,6 +120,7 @@ impl Ldlt {
         let upper = pattern.transposed();
         let n = pattern.len();
         let view = SymbolicSparseColMatRef::new_checked(n, n, &upper.starts, None, &upper.rows);
+        let parallel = if n < PARALLEL_UNKNOWNS { Par::Seq } else { Par::rayon(PARALLEL_DEGREE) };
         let params = CholeskySymbolicParams {
             supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
             ..CholeskySymbolicParams::default()
@@ -130,11 +129,11 @@ impl Ldlt {
             factorize_symbolic_cholesky(view, Side::Upper, SymmetricOrdering::Identity, params)
                 .map_err(|_| LinearError::Memory)?;
         let need = symbolic
-            .factorize_numeric_ldlt_scratch::<f64>(parallel(), faer::Spec::default())
-            .or(symbolic.solve_in_place_scratch::<f64>(1, parallel()));
+            .factorize_numeric_ldlt_scratch::<f64>(parallel, faer::Spec::default())
+            .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
         let scratch = MemBuffer::try_new(need).map_err(|_| LinearError::Memory)?;
         let factors = vec![0.0; symbolic.len_val()];
-        Ok(Self { pattern, symbolic, values: Vec::new(), factors, scratch })
+        Ok(Self { pattern, symbolic, values: Vec::new(), factors, scratch, parallel })
     }
 
     /// The sparsity.
@@ -157,7 +156,7 @@ impl Ldlt {
             SparseColMatRef::new(view, &self.values),
             Side::Lower,
             LdltRegularization::default(),
-            parallel(),
+            self.parallel,
             MemStack::new(&mut self.scratch),
             faer::Spec::default(),
         );
@@ -207,7 +206,7 @@ impl Ldlt {
         LdltRef::new(&self.symbolic, &self.factors).solve_in_place_with_conj(
             Conj::No,
             MatMut::from_column_major_slice_mut(x, n, 1),
-            parallel(),
+            Par::Seq,
             MemStack::new(&mut self.scratch),
         );
     }

@@ -1,13 +1,16 @@
 //! Descent to a minimum of the energy at one load: Newton's method that may only go down.
 //!
-//! The exact second derivatives come first. Only when they give an ascent direction, or no step
-//! along it goes down, the element blocks are projected to positive semi-definite ones; when that
-//! fails too, a proximal stiffness is added, which fades as steps succeed. A step that inverts an
-//! element or passes a limiting stretch has infinite energy and is shortened.
+//! The exact second derivatives come first. Where they are not positive definite, or no step along
+//! Newton's direction goes down, just enough of a convex stiffness is added (the H¹ norm weighted
+//! with the shear modulus); it grows until a step succeeds and fades afterwards. Barely enough is
+//! what matters: past a point of buckling the step then follows the direction of negative
+//! curvature with long strides, where a Hessian made convex element by element creeps. A step that
+//! inverts an element or passes a limiting stretch has infinite energy and is shortened.
 
-use crate::assemble::{Assembly, Curvature, EnergyError, State};
+use crate::assemble::{Assembly, EnergyError, State};
 use crate::linear::Ldlt;
 use crate::model::Model;
+use crate::terms::{Curvature, Load};
 use mammotwin_data::Vec3;
 
 /// When a minimum is found, and when the search is given up.
@@ -50,12 +53,18 @@ const ARMIJO: f64 = 1e-4;
 const SHORTEST: f64 = 1e-6;
 /// Energy differences below this fraction of the energy exchanged are rounding.
 const ROUNDING: f64 = 1e-13;
+/// Part of a load step over which the change of forces is differenced.
+const NEARBY: f64 = 1e-5;
+/// A step that only rounding would notice ends the search below this multiple of the residual.
+const NEARLY: f64 = 100.0;
 /// Forces are compared with at least this (mN), so that a body without load is in balance.
-const LEAST_FORCE: f64 = 1.0;
-/// First proximal stiffness, and its change, in units of the mean diagonal.
-const PROXIMAL: f64 = 1e-4;
-const PROXIMAL_GROWTH: f64 = 10.0;
-const PROXIMAL_ROUNDS: usize = 6;
+const LEAST_FORCE: f64 = 100.0;
+/// Least and greatest share of the convex stiffness that is added, and how it grows and fades.
+const LEAST_SHIFT: f64 = 1e-3;
+const GREATEST_SHIFT: f64 = 1e5;
+const SHIFT_GROWTH: f64 = 4.0;
+const FADING: f64 = 2.0;
+const FAST_FADING: f64 = 16.0;
 
 /// Buffers and factors that live through many minimisations of one model.
 pub struct Newton {
@@ -96,7 +105,7 @@ impl Newton {
             .map_err(NewtonError::Start)?;
         std::mem::swap(&mut state.pressure, &mut pressure);
         let scale = self.force_scale(model, state)?;
-        let mut proximal = 0.0;
+        let mut shift = 0.0;
         for iteration in 0..options.max_iterations {
             self.derivatives(model, state, Curvature::Exact)?;
             let (node, unbalanced) = self.unbalanced();
@@ -104,30 +113,75 @@ impl Newton {
                 return Ok(iteration);
             }
             let mut ran_into = None;
-            let mut found = None;
-            for attempt in 0..=PROXIMAL_ROUNDS {
-                if attempt == 1 {
-                    self.derivatives(model, state, Curvature::Projected)?;
+            let mut curvature = Curvature::Exact;
+            let (lower, length) = loop {
+                if shift > 0.0 && curvature == Curvature::Exact {
+                    curvature = Curvature::Convex;
+                    self.derivatives(model, state, curvature)?;
                 }
-                if attempt > 1 {
-                    proximal = f64::max(PROXIMAL, proximal * PROXIMAL_GROWTH);
-                }
-                let Some(direction) = self.direction(proximal) else { continue };
-                match self.search(model, state, energy, &direction) {
-                    Ok(lower) => {
-                        found = Some(lower);
-                        break;
+                if let Some(direction) = self.direction(shift) {
+                    let nearly = unbalanced <= NEARLY * options.residual * scale;
+                    if nearly && -self.slope(&direction) <= self.rounding(energy, &direction) {
+                        return Ok(iteration);
                     }
-                    Err(cause) => ran_into = cause,
+                    match self.search(model, state, energy, &direction) {
+                        Ok(found) => break found,
+                        Err(cause) => ran_into = cause,
+                    }
                 }
-            }
-            let Some(lower) = found else {
-                return Err(NewtonError::Stuck { node, ran_into });
+                shift = f64::max(LEAST_SHIFT, shift * SHIFT_GROWTH);
+                if shift > GREATEST_SHIFT {
+                    return Err(NewtonError::Stuck { node, ran_into });
+                }
             };
             energy = lower;
-            proximal = if proximal > PROXIMAL { proximal / PROXIMAL_GROWTH } else { 0.0 };
+            tracing::trace!(iteration, energy, unbalanced, shift, length, "newton");
+            shift /= if length == 1.0 { FAST_FADING } else { FADING };
+            if shift < LEAST_SHIFT {
+                shift = 0.0;
+            }
         }
         Err(NewtonError::Slow { node: self.unbalanced().0 })
+    }
+
+    /// Moves a state that is in balance along the path of equilibria towards the load `target`, to
+    /// first order, as far as the energy there falls; the state's load becomes `target`.
+    pub fn predict(&mut self, model: &Model, state: &mut State, target: Load) {
+        let mut moved = state.clone();
+        moved.load = Load::between(state.load, target, NEARBY);
+        let forces = [&*state, &moved].map(|s| self.assembly.term_gradients(model, s));
+        state.load = target;
+        let ([Ok(here), Ok(near)], Ok(())) =
+            (forces, self.derivatives(model, &moved, Curvature::Exact))
+        else {
+            return;
+        };
+        self.gradient.fill(Vec3::zeros());
+        for (here, near) in here.iter().zip(&near) {
+            for ((sum, a), b) in self.gradient.iter_mut().zip(here).zip(near) {
+                *sum += (b - a) / NEARBY;
+            }
+        }
+        let Some(direction) = [0.0, 0.01, 1.0].into_iter().find_map(|shift| self.direction(shift))
+        else {
+            return;
+        };
+        let mut pressure = Vec::new();
+        let energy = self.assembly.energy(model, state, &state.points, &mut pressure);
+        let mut lowest = energy.unwrap_or(f64::INFINITY);
+        let from = state.points.clone();
+        for length in [0.25, 0.5, 1.0] {
+            let points: Vec<Vec3> =
+                from.iter().zip(&direction).map(|(p, d)| p + length * d).collect();
+            match self.assembly.energy(model, state, &points, &mut pressure) {
+                Ok(energy) if energy < lowest => {
+                    lowest = energy;
+                    state.points = points;
+                    state.pressure.clone_from(&pressure);
+                }
+                _ => {}
+            }
+        }
     }
 
     fn derivatives(
@@ -151,12 +205,12 @@ impl Newton {
         norms.fold((0, 0.0), |worst, next| if next.1 > worst.1 { next } else { worst })
     }
 
-    /// The descent direction of the assembled system; `None` when it has none.
-    fn direction(&mut self, proximal: f64) -> Option<Vec<Vec3>> {
-        if proximal > 0.0 {
+    /// The descent direction of the assembled system with a share of the convex stiffness; `None`
+    /// when it has none.
+    fn direction(&mut self, shift: f64) -> Option<Vec<Vec3>> {
+        if shift > 0.0 {
             let mut values = self.values.clone();
-            let stiffness = proximal * self.assembly.mean_diagonal(&values);
-            self.assembly.add_to_diagonal(stiffness, &mut values);
+            self.assembly.add_shift(shift, &mut values);
             self.system.factor(&values).ok()?;
         } else {
             self.system.factor(&self.values).ok()?;
@@ -176,19 +230,23 @@ impl Newton {
         self.gradient.iter().zip(direction).map(|(g, d)| g.dot(d)).sum()
     }
 
-    /// Moves the state down along a direction and returns the new energy, or what was in the way.
+    /// Changes of the energy on this step that are rounding: what its forces exchange bounds them.
+    fn rounding(&self, energy: f64, direction: &[Vec3]) -> f64 {
+        let exchanged: f64 =
+            self.gradient.iter().zip(direction).map(|(g, d)| g.norm() * d.norm()).sum();
+        ROUNDING * (energy.abs() + exchanged)
+    }
+
+    /// Moves the state down along a direction and returns the new energy and the length of the
+    /// step, or what was in the way.
     fn search(
         &mut self,
         model: &Model,
         state: &mut State,
         energy: f64,
         direction: &[Vec3],
-    ) -> Result<f64, Option<EnergyError>> {
-        let slope = self.slope(direction);
-        // What the forces exchange on this step bounds the rounding of its energy.
-        let exchanged: f64 =
-            self.gradient.iter().zip(direction).map(|(g, d)| g.norm() * d.norm()).sum();
-        let slack = ROUNDING * (energy.abs() + exchanged);
+    ) -> Result<(f64, f64), Option<EnergyError>> {
+        let (slope, slack) = (self.slope(direction), self.rounding(energy, direction));
         let mut cause = None;
         let mut length = 1.0;
         let mut pressure = Vec::new();
@@ -199,7 +257,7 @@ impl Newton {
                 Ok(trial) if trial <= energy + ARMIJO * length * slope + slack => {
                     state.points = points;
                     state.pressure = pressure;
-                    return Ok(trial);
+                    return Ok((trial, length));
                 }
                 Ok(_) => {}
                 Err(error) => cause = Some(error),

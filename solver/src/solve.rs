@@ -106,16 +106,6 @@ pub(crate) fn prepare(
     Ok((Newton::new(model)?, State::new(model, points, load)))
 }
 
-/// Between two loads.
-fn between(from: Load, to: Load, part: f64) -> Load {
-    let mix = |a: f64, b: f64| if part >= 1.0 { b } else { a + part * (b - a) };
-    Load {
-        gravity: mix(from.gravity, to.gravity),
-        receptor_mm: mix(from.receptor_mm, to.receptor_mm),
-        thickness_mm: mix(from.thickness_mm, to.thickness_mm),
-    }
-}
-
 /// Follows the equilibrium from the state's load to `target`.
 pub(crate) fn walk(
     newton: &mut Newton,
@@ -132,7 +122,8 @@ pub(crate) fn walk(
         let to = f64::min(1.0, done + part);
         let to = if to > 1.0 - 1e-9 { 1.0 } else { to };
         let mut trial = state.clone();
-        trial.load = between(first, target, to);
+        let load = Load::between(first, target, to);
+        newton.predict(model, &mut trial, load);
         counts.steps += 1;
         match balance(newton, model, &mut trial, options, counts) {
             Ok(()) => {
@@ -164,6 +155,13 @@ pub(crate) fn walk(
 /// Most rounds of multipliers at one load.
 const ROUNDS: usize = 20;
 
+/// A round of multipliers that leaves more than this part of the gap wants stiffer penalties.
+const SHRINKING: f64 = 0.25;
+/// How much stiffer.
+const STIFFENING: f64 = 4.0;
+/// Most such changes at one load.
+const STIFFENINGS: usize = 4;
+
 /// Minimum of the energy at the state's load, with all contacts tight.
 fn balance(
     newton: &mut Newton,
@@ -172,15 +170,23 @@ fn balance(
     options: &Options,
     counts: &mut Checks,
 ) -> Result<(), Failure> {
+    let (mut before, mut stiffened) = (f64::INFINITY, 0);
     for _ in 0..ROUNDS {
         let found = newton.minimise(model, state, &options.newton);
         counts.iterations += *found.as_ref().unwrap_or(&options.newton.max_iterations);
         found.map_err(Failure::Newton)?;
         let contact = state.contact(model);
-        if contact.gap_mm.max(contact.penetration_mm) <= options.contact_mm {
+        let open = contact.gap_mm.max(contact.penetration_mm);
+        if open <= options.contact_mm {
             return Ok(());
         }
         state.update_multipliers(model);
+        // Tissue near its limit is stiffer than its modulus says: the penalties must follow.
+        if open > SHRINKING * before && stiffened < STIFFENINGS {
+            state.stiffen_contacts(STIFFENING);
+            stiffened += 1;
+        }
+        before = open;
     }
     Err(Failure::Contact)
 }

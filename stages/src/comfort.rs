@@ -54,7 +54,7 @@ impl Stage for Comfort {
         let curve = &compression.curve;
         let last = |values: &[f64]| values.last().copied().unwrap_or(0.0);
         let force_n = last(&curve.force_n);
-        let thickness = compression.plates.thickness_mm;
+        let thickness = compression.thickness_mm;
         add("thickness_mm", "compressed breast thickness", "mm", thickness, None);
         add("force_n", "compression force", "N", force_n, None);
         let area_mm2 = last(&curve.contact_area_mm2);

@@ -6,11 +6,12 @@ use crate::{
     model::{Anatomy, Body, LawOverride},
 };
 use mammotwin_data::{
-    Failure, Vec3,
+    Failure, Mat3, Vec3,
     io::hdf5,
     labels::Side,
     mesh::{Patch, TetMesh},
     progress::{Part, Progress, Silent},
+    rigid::RigidTransform,
     solution::Solution,
     store::{Artifact, Stage},
     study::{CompressPlan, InterfaceKind, ModelPlan, Stop},
@@ -30,17 +31,6 @@ pub struct Compress {
     pub plan: CompressPlan,
 }
 
-/// Where the plates are in the end.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Plates {
-    /// y (mm) of the chest-wall edge of both plates.
-    pub edge_y_mm: f64,
-    /// z (mm) of the receptor's surface.
-    pub receptor_z_mm: f64,
-    /// Distance of the plates (mm).
-    pub thickness_mm: f64,
-}
-
 /// The course of a compression.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Course {
@@ -58,7 +48,8 @@ pub struct Course {
     pub peak_pressure_kpa: Vec<f64>,
 }
 
-/// A compressed breast.
+/// A compressed breast, in the detector's frame: x along the chest-wall edge of the plates from the
+/// nipple, y away from the chest wall from that edge, z from the receptor to the paddle (mm).
 #[derive(Debug, Clone)]
 pub struct Compression {
     /// Which breast.
@@ -69,8 +60,10 @@ pub struct Compression {
     pub solution: Solution,
     /// Contact pressure (kPa) at the nodes.
     pub contact_pressure_kpa: Vec<f64>,
-    /// Where the plates ended.
-    pub plates: Plates,
+    /// Distance of the plates at the end (mm).
+    pub thickness_mm: f64,
+    /// From the reference pose to the detector's frame.
+    pub to_detector: RigidTransform,
     /// How they got there.
     pub curve: Course,
     /// Node that is the nipple.
@@ -117,7 +110,7 @@ impl Compression {
 
 impl Stage for Compress {
     const NAME: &'static str = "compress";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "The breast was compressed between two frictionless rigid plates with rounded edges, \
          from its stress-free shape and without gravity (the thesis neglects its prestress, too).";
     type Input = (BreastMesh, Calibration);
@@ -165,11 +158,14 @@ impl Stage for Compress {
         }
         let near = |n: &u32| base.radius(&part.mesh.points[*n as usize]) < TOUCHED_RADIUS;
         let skin = part.mesh.patch(Patch::Skin).iter();
-        let edge_y_mm = base.center.y + self.plan.chest_wall_distance_mm;
+        // She turns until the plates' edge lies along the chest wall under her breast.
+        let axis = Vec3::z();
+        let away = (base.normal - axis * base.normal.dot(&axis)).normalize();
+        let edge_mm = away.dot(&base.center) + self.plan.chest_wall_distance_mm;
         let plates = press::Plates {
-            axis: Vec3::z(),
-            away: Vec3::y(),
-            edge_mm: edge_y_mm,
+            axis,
+            away,
+            edge_mm,
             radius_mm: EDGE_RADIUS_MM,
             faces: skin.filter(|face| face.iter().all(near)).copied().collect(),
         };
@@ -179,7 +175,7 @@ impl Stage for Compress {
         let done = press::compress(model, &plates, &closing, &settled, &options, &part_of)
             .map_err(refuse)?;
         let mesh = TetMesh { points: rest, ..part.mesh };
-        Ok(result(side, mesh, nipple_node, edge_y_mm, done))
+        Ok(result(side, mesh, nipple_node, &plates, done))
     }
 }
 
@@ -234,11 +230,20 @@ fn nearest(points: &[Vec3], place: &Vec3) -> u32 {
     best.unwrap_or(0) as u32
 }
 
+/// From the pose of the body to the frame of the detector at the end.
+fn to_detector(plates: &press::Plates, receptor_mm: f64, nipple: &Vec3) -> RigidTransform {
+    let along = plates.away.cross(&plates.axis);
+    let rotation =
+        Mat3::from_rows(&[along.transpose(), plates.away.transpose(), plates.axis.transpose()]);
+    let corner = Vec3::new(along.dot(nipple), plates.edge_mm, receptor_mm);
+    RigidTransform { rotation, translation: -corner }
+}
+
 fn result(
     side: Side,
     mesh: TetMesh,
     nipple_node: u32,
-    edge_y_mm: f64,
+    plates: &press::Plates,
     done: press::Compressed,
 ) -> Compression {
     let of = |f: fn(&press::Step) -> f64| done.steps.iter().map(f).collect::<Vec<f64>>();
@@ -251,18 +256,17 @@ fn result(
         peak_pressure_kpa: of(|s| s.peak_pressure_kpa),
     };
     let last = done.steps.last();
-    let plates = Plates {
-        edge_y_mm,
-        receptor_z_mm: last.map_or(0.0, |s| s.receptor_mm),
-        thickness_mm: last.map_or(0.0, |s| s.thickness_mm),
-    };
     let nodes = mesh.points.len();
+    let nipple = &done.solution.points[nipple_node as usize];
+    let to_detector = to_detector(plates, last.map_or(0.0, |s| s.receptor_mm), nipple);
+    let points = mesh.points.iter().map(|p| to_detector.point(p)).collect();
     Compression {
         side,
-        mesh,
-        solution: done.solution,
+        mesh: TetMesh { points, ..mesh },
+        solution: done.solution.moved(&to_detector),
         contact_pressure_kpa: last.map_or(vec![0.0; nodes], |s| s.contact_pressure_kpa.clone()),
-        plates,
+        thickness_mm: last.map_or(0.0, |s| s.thickness_mm),
+        to_detector,
         curve,
         nipple_node,
         stopped_early: done.stopped_early.map(|why| why.to_string()),
@@ -279,7 +283,9 @@ impl Artifact for Compression {
         let pressure = &self.contact_pressure_kpa;
         file.put("contact_pressure", pressure, "kPa", "contact pressure at the nodes")?;
         file.put_json("side", &self.side, "which breast")?;
-        file.put_json("plates", &self.plates, "where the plates are (mm)")?;
+        file.put_scalar("thickness", self.thickness_mm, "mm", "distance of the plates")?;
+        let frame = "from the reference pose to the detector's frame";
+        file.put_json("to_detector", &self.to_detector, frame)?;
         file.put_json("course", &self.curve, "the course of the compression")?;
         file.put_json("nipple_node", &self.nipple_node, "node that is the nipple")?;
         file.put_json("stopped_early", &self.stopped_early, "why it ended before its stop rule")?;
@@ -293,7 +299,8 @@ impl Artifact for Compression {
             mesh: file.mesh("mesh")?,
             solution: file.solution("solution")?,
             contact_pressure_kpa: file.get("contact_pressure")?,
-            plates: file.json("plates")?,
+            thickness_mm: file.scalar("thickness")?,
+            to_detector: file.json("to_detector")?,
             curve: file.json("course")?,
             nipple_node: file.json("nipple_node")?,
             stopped_early: file.json("stopped_early")?,

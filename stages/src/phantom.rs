@@ -2,7 +2,7 @@
 
 use crate::compress::Compression;
 use mammotwin_data::{
-    Failure, Vec3,
+    Failure,
     io::hdf5,
     progress::Progress,
     store::{Artifact, Stage},
@@ -13,7 +13,7 @@ use mammotwin_imaging::xray::phantom::{self, PhantomError};
 use serde::Serialize;
 use std::path::Path;
 
-/// Brings the compressed surface into the detector's frame.
+/// Fills the compressed surface with tissue and microcalcifications.
 #[derive(Debug, Clone, Serialize)]
 pub struct Phantom {
     /// Tissue and microcalcifications.
@@ -25,8 +25,7 @@ pub struct Phantom {
 /// A compressed breast and what is put into it.
 #[derive(Debug, Clone)]
 pub struct CompressedPhantom {
-    /// Closed outer surface; x to the person's right, y away from the chest wall from the
-    /// detector's edge, z up from the receptor (mm).
+    /// Closed outer surface in the detector's frame (mm), see [`Compression`].
     pub surface: TriMesh,
     /// Distance of the plates (mm).
     pub thickness_mm: f64,
@@ -69,7 +68,7 @@ impl Artifact for CompressedPhantom {
 
 impl Stage for Phantom {
     const NAME: &'static str = "phantom";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "The compressed breast was filled with uniform breast tissue and a matrix of irregular \
          aluminium-equivalent microcalcifications at half of its thickness (Mîra 2018, § 5.2.2).";
     type Input = Compression;
@@ -80,17 +79,10 @@ impl Stage for Phantom {
         compression: &Compression,
         _: &dyn Progress,
     ) -> Result<CompressedPhantom, Failure> {
-        let plates = &compression.plates;
-        // The detector is centred on the nipple.
-        let nipple = compression.nipple();
-        let corner = Vec3::new(nipple.x, plates.edge_y_mm, plates.receptor_z_mm);
-        let (mut surface, _) = compression.outer_surface().compacted();
-        for p in &mut surface.points {
-            *p -= corner;
-        }
+        let (surface, _) = compression.outer_surface().compacted();
         Ok(CompressedPhantom {
             surface,
-            thickness_mm: plates.thickness_mm,
+            thickness_mm: compression.thickness_mm,
             plan: self.plan.clone(),
             seed: self.seed,
         })

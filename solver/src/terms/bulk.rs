@@ -161,6 +161,12 @@ impl Term for Bulk {
         self.volumes[element] * (mass / bulk + projection / law.shear_kpa())
     }
 
+    fn shift(&self, element: usize) -> SMatrix<f64, 4, 4> {
+        let gradients = &self.gradients[element];
+        let stiffness = self.laws[element].shear_kpa() * self.volumes[element];
+        Matrix4::from_fn(|a, b| stiffness * gradients[a].dot(&gradients[b]))
+    }
+
     fn raise_shear(&self, shear_kpa: &mut [f64]) {
         for (tet, law) in self.tets.iter().zip(&self.laws) {
             for &n in tet {

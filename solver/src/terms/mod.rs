@@ -26,7 +26,7 @@ pub use target::Target;
 
 use crate::materials::MaterialError;
 use mammotwin_data::{Mat3, Vec3, solution::Solution};
-use nalgebra::{SMatrix, SVector};
+use nalgebra::SMatrix;
 
 /// What is switched on, and how far, at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,6 +42,16 @@ pub struct Load {
 impl Load {
     /// All of gravity and no plate near.
     pub const GRAVITY: Self = Self { gravity: 1.0, receptor_mm: -1e6, thickness_mm: 2e6 };
+
+    /// Part of the way from one load to another.
+    pub fn between(from: Self, to: Self, part: f64) -> Self {
+        let mix = |a: f64, b: f64| if part >= 1.0 { b } else { a + part * (b - a) };
+        Self {
+            gravity: mix(from.gravity, to.gravity),
+            receptor_mm: mix(from.receptor_mm, to.receptor_mm),
+            thickness_mm: mix(from.thickness_mm, to.thickness_mm),
+        }
+    }
 }
 
 /// The moment at which a term is evaluated.
@@ -57,6 +67,17 @@ pub struct At<'a> {
     pub shear_kpa: &'a [f64],
     /// What is switched on.
     pub load: Load,
+    /// Which second derivatives are wanted.
+    pub curvature: Curvature,
+}
+
+/// Which second derivatives a term gives.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Curvature {
+    /// As they are.
+    Exact,
+    /// Contacts leave out what makes them unstable: the curvature of a target that is pressed on.
+    Convex,
 }
 
 /// How much of a block is wanted; each order includes the ones before.
@@ -94,92 +115,10 @@ impl Block {
         dilatation: 0.0,
         dilatation_gradient: [ZERO3; 4],
     };
-
-    /// Makes the second derivatives of `nodes` nodes positive semi-definite by raising negative
-    /// eigenvalues to zero.
-    pub fn project(&mut self, nodes: usize) {
-        match nodes {
-            1 => self.project_sized::<3>(),
-            2 => self.project_sized::<6>(),
-            3 => self.project_sized::<9>(),
-            _ => self.project_sized::<12>(),
-        }
-    }
-
-    fn project_sized<const N: usize>(&mut self) {
-        let whole = SMatrix::<f64, N, N>::from_fn(|r, c| {
-            let (r, c) = if r >= c { (r, c) } else { (c, r) };
-            self.hessian[r / 3][c / 3][(r % 3, c % 3)]
-        });
-        let Some((values, vectors)) = eigen(&whole) else { return };
-        if values.min() >= 0.0 {
-            return;
-        }
-        let raised = SMatrix::<f64, N, N>::from_diagonal(&values.map(|v| v.max(0.0)));
-        let whole = vectors * raised * vectors.transpose();
-        for a in 0..N / 3 {
-            for b in 0..=a {
-                self.hessian[a][b] = whole.fixed_view::<3, 3>(3 * a, 3 * b).into_owned();
-            }
-        }
-    }
 }
 
 const ZERO3: Vec3 = Vec3::new(0.0, 0.0, 0.0);
 const ZERO33: Mat3 = Mat3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-
-/// Eigenvalues and eigenvectors of a symmetric matrix by Jacobi rotations; `None` for NaN.
-fn eigen<const N: usize>(
-    matrix: &SMatrix<f64, N, N>,
-) -> Option<(SVector<f64, N>, SMatrix<f64, N, N>)> {
-    if !matrix.iter().all(|v| v.is_finite()) {
-        return None;
-    }
-    let (mut a, mut v) = (*matrix, SMatrix::<f64, N, N>::identity());
-    let scale = a.norm();
-    for _ in 0..40 {
-        let mut off = 0.0;
-        for p in 0..N {
-            for q in 0..p {
-                off += a[(p, q)] * a[(p, q)];
-            }
-        }
-        if off.sqrt() <= 1e-13 * scale {
-            break;
-        }
-        for p in 0..N {
-            for q in 0..p {
-                if a[(p, q)].abs() > 1e-300 {
-                    rotate(&mut a, &mut v, p, q);
-                }
-            }
-        }
-    }
-    Some((a.diagonal(), v))
-}
-
-/// One Jacobi rotation that zeroes a[(p, q)].
-fn rotate<const N: usize>(
-    a: &mut SMatrix<f64, N, N>,
-    v: &mut SMatrix<f64, N, N>,
-    p: usize,
-    q: usize,
-) {
-    let ratio = (a[(q, q)] - a[(p, p)]) / (2.0 * a[(p, q)]);
-    let t = ratio.signum() / (ratio.abs() + (ratio * ratio + 1.0).sqrt());
-    let c = 1.0 / (t * t + 1.0).sqrt();
-    let s = t * c;
-    for k in 0..N {
-        let (x, y) = (a[(k, p)], a[(k, q)]);
-        (a[(k, p)], a[(k, q)]) = (c * x - s * y, s * x + c * y);
-    }
-    for k in 0..N {
-        let (x, y) = (a[(p, k)], a[(q, k)]);
-        (a[(p, k)], a[(q, k)]) = (c * x - s * y, s * x + c * y);
-        let (x, y) = (v[(k, p)], v[(k, q)]);
-        (v[(k, p)], v[(k, q)]) = (c * x - s * y, s * x + c * y);
-    }
-}
 
 /// The element that refused a deformation, and why.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -240,6 +179,13 @@ pub trait Term: Send + Sync {
     /// Inverse bulk stiffness between the pressures of an element's four nodes (mm³/kPa); asked
     /// of mixed terms alone.
     fn compliance(&self, _element: usize) -> SMatrix<f64, 4, 4> {
+        SMatrix::zeros()
+    }
+
+    /// Stiffness ∫ μ ∇Nₐ·∇N_b dV (mN/mm) between an element's nodes at rest, alike in every
+    /// direction: what Newton's method adds where the energy is not convex. Asked of mixed terms
+    /// alone.
+    fn shift(&self, _element: usize) -> SMatrix<f64, 4, 4> {
         SMatrix::zeros()
     }
 

@@ -6,7 +6,7 @@
 //! only sets the speed; multipliers are updated until the penetration is below tolerance.
 
 use super::sliding::{node_areas, penalty_kpa_per_mm};
-use super::{At, Block, ContactCheck, Load, Order, Term};
+use super::{At, Block, ContactCheck, Curvature, Load, Order, Term};
 use crate::materials::MaterialError;
 use crate::paddles::RoundedPlate;
 use mammotwin_data::{Mat3, Vec3};
@@ -97,8 +97,10 @@ impl Term for Plate {
         block.energy = 0.5 * area * (pressure * pressure - multiplier * multiplier) / penalty;
         if pressure > 0.0 && order >= Order::Gradient {
             block.gradient[0] = -area * pressure * normal;
-            block.hessian[0][0] =
-                area * (penalty * normal * normal.transpose() - pressure * curvature);
+            block.hessian[0][0] = area * penalty * normal * normal.transpose();
+            if at.curvature == Curvature::Exact {
+                block.hessian[0][0] -= area * pressure * curvature;
+            }
         }
         Ok(())
     }

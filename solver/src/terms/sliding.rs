@@ -6,7 +6,7 @@
 //! speed: the multipliers are updated until the gap is below tolerance (Wriggers, *Computational
 //! contact mechanics* (2006), § 10.3).
 
-use super::{At, Block, ContactCheck, Load, Order, Term, target::Target};
+use super::{At, Block, ContactCheck, Curvature, Load, Order, Term, target::Target};
 use crate::materials::MaterialError;
 use crate::model::ModelError;
 use mammotwin_data::{Mat3, Vec3};
@@ -106,8 +106,10 @@ impl Term for Sliding {
             block.gradient[0] = area * traction * normal;
         }
         if order >= Order::Hessian {
-            block.hessian[0][0] =
-                area * (penalty * normal * normal.transpose() + traction * curvature);
+            block.hessian[0][0] = area * penalty * normal * normal.transpose();
+            if at.curvature == Curvature::Exact || traction > 0.0 {
+                block.hessian[0][0] += area * traction * curvature;
+            }
         }
         Ok(())
     }

@@ -45,7 +45,10 @@ fn check(term: &dyn super::Term, points: &[Vec3]) {
     let memory = term.first_memory(points);
     let shear_kpa = &[0.2; 5];
     let (memory, load) = (&memory, Load::GRAVITY);
-    testing::check(term, &At { points, pressure: &pressure, memory, shear_kpa, load });
+    testing::check(
+        term,
+        &At { points, pressure: &pressure, memory, shear_kpa, load, curvature: Curvature::Exact },
+    );
 }
 
 #[test]
@@ -124,7 +127,9 @@ fn plate() {
         let mut memory = term.first_memory(&points);
         let shear_kpa = &[0.2; 5];
         for _ in 0..2 {
-            let at = At { points: &points, pressure: &[], memory: &memory, shear_kpa, load };
+            let curvature = Curvature::Exact;
+            let at =
+                At { points: &points, pressure: &[], memory: &memory, shear_kpa, load, curvature };
             testing::check(&term, &at);
             assert!(term.contact(&at).unwrap().penetration_mm > 0.0);
             assert!(!term.node_forces(&at).is_empty());

@@ -274,7 +274,7 @@ pub fn compression(compression: &Compression) -> CompressionReport {
     CompressionReport {
         facts: vec![
             Fact::new("Breast", compression.side.name()),
-            Fact::new("Thickness", format!("{:.1} mm", compression.plates.thickness_mm)),
+            Fact::new("Thickness", format!("{:.1} mm", compression.thickness_mm)),
             Fact::new("Force", format!("{:.1} N", curve.force_n.last().copied().unwrap_or(0.0))),
             Fact::new("Load steps", curve.thickness_mm.len().to_string()),
             Fact::new("Smallest det F", format!("{:.2}", checks.min_det_f)),
@@ -361,7 +361,7 @@ pub fn headlines(
         facts.push(Fact::new(&name, format!("{:.2} mm", v.after.distances.modified_hausdorff)));
     }
     if let Some(c) = compression {
-        facts.push(Fact::new("Thickness", format!("{:.1} mm", c.plates.thickness_mm)));
+        facts.push(Fact::new("Thickness", format!("{:.1} mm", c.thickness_mm)));
     }
     let wanted = [
         ("force_n", "Compression force"),
@@ -399,7 +399,7 @@ pub fn summary(
     }
     if let Some(c) = compression {
         let force = c.curve.force_n.last().copied().unwrap_or(0.0);
-        let thickness = c.plates.thickness_mm;
+        let thickness = c.thickness_mm;
         text +=
             &format!("{} breast compressed to {thickness:.1} mm with {force:.1} N.", c.side.name());
     }

@@ -87,19 +87,18 @@ size_mm = {size}
 [calibrate]
 parameters = ["breast.young_right_kpa", "breast.young_left_kpa"]
 
-# The compression does not yet reach its thickness in minutes on this body; take the # away to try.
-# [compress]
-# side = "right"
-# view = "cc"
-# paddle = "rigid"
-# chest_wall_distance_mm = {distance}
-# stop = {{ thickness_mm = {thickness} }}
-# law = {{ name = "gent", jm = {jm}, poisson = 0.499 }}
+[compress]
+side = "right"
+view = "cc"
+paddle = "rigid"
+chest_wall_distance_mm = {distance}
+stop = {{ thickness_mm = {thickness} }}
+law = {{ name = "gent", jm = {jm}, poisson = 0.499 }}
 
-# [mammogram]
-# energy_kev = 24.0
-# exposure = "automatic"
-# calcifications = {{ rows = 7, columns = 3, pitch_mm = 10.0, diameter_mm = [0.2, 0.3] }}
+[mammogram]
+energy_kev = 24.0
+exposure = "automatic"
+calcifications = {{ rows = 7, columns = 3, pitch_mm = 10.0, diameter_mm = [0.2, 0.3] }}
 "#,
         name = truth.preset,
         density = fixed.density_g_per_cm3,
