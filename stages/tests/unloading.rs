@@ -19,12 +19,8 @@ struct Tissues {
     kind: InterfaceKind,
 }
 
-const SOFT: Tissues = Tissues {
-    breast_kpa: 0.2,
-    skin_kpa: 4.0,
-    fascia_kpa: 120.0,
-    kind: InterfaceKind::Bonded,
-};
+const SOFT: Tissues =
+    Tissues { breast_kpa: 0.2, skin_kpa: 4.0, fascia_kpa: 120.0, kind: InterfaceKind::Bonded };
 
 struct Volunteer {
     body: TruthBody,
@@ -60,7 +56,11 @@ fn unloaded(
         Ok(found) => println!(
             "{tissues:?} {method:?}: {:.4} mm rms, {:.3} mm max (off the wall {:.3}), {} equilibria, \
              {:?}, {time:.2?}",
-            found.miss.rms_mm, found.miss.max_mm, found.off_surface_mm, found.iterations, found.effort
+            found.miss.rms_mm,
+            found.miss.max_mm,
+            found.off_surface_mm,
+            found.iterations,
+            found.effort
         ),
         Err(error) => println!("{tissues:?} {method:?}: {error}, {time:.2?}"),
     }

@@ -1,11 +1,13 @@
 //! The fixed point: rest positions move against the miss of the loaded body.
 //!
 //! X + loaded - x(X) (Sellier, *Comput. Mech.* 48 (2011) 503,
-//! <https://doi.org/10.1007/s00466-011-0593-0>), sped up by Anderson mixing over the last
-//! iterations (Walker & Ni, *SIAM J. Numer. Anal.* 49 (2011) 1715). A step to a rest shape that
-//! misses by more, or cannot carry its load, is halved.
+//! <https://doi.org/10.1007/s00466-011-0593-0>), or X + F⁻¹ (loaded - x(X)), sped up by Anderson
+//! mixing over the last iterations (Walker & Ni, *SIAM J. Numer. Anal.* 49 (2011) 1715). A step to
+//! a rest shape that misses by more, or cannot carry its load, is halved.
 
-use super::{Miss, Options};
+use super::supports::{normals, onto_surfaces, tangential};
+use super::transport::pull_back;
+use super::{Method, Miss, Options};
 use crate::model::Model;
 use crate::solve::{SolveError, solve};
 use mammotwin_data::{
@@ -36,7 +38,11 @@ pub(super) fn fixed_point<E>(
     let (mut iterations, mut idle, mut damping) = (0, 0, 1.0);
     while best.miss.rms_mm > options.tolerance_mm && iterations < rounds && idle < IDLE_ROUNDS {
         let step = mixed_step(&past, &best);
-        let rest: Vec<Vec3> = best.rest.iter().zip(&step).map(|(x, dx)| x + damping * dx).collect();
+        let mut rest: Vec<Vec3> =
+            best.rest.iter().zip(&step).map(|(x, dx)| x + damping * dx).collect();
+        if options.method == Method::Inverse {
+            onto_surfaces(&best.model, &mut rest);
+        }
         iterations += 1;
         let next = Iterate::load(rest, known, &best.solution.points, build, options);
         match next.ok().flatten() {
@@ -68,9 +74,10 @@ pub(super) fn fixed_point<E>(
 pub(super) struct Iterate {
     pub rest: Vec<Vec3>,
     pub solution: Solution,
-    /// Known minus computed position of each node (mm).
-    gap: Vec<Vec3>,
     pub miss: Miss,
+    /// The plain step to the next rest shape (mm).
+    step: Vec<Vec3>,
+    model: Model,
 }
 
 impl Iterate {
@@ -87,19 +94,25 @@ impl Iterate {
         let gap: Vec<Vec3> =
             known.iter().zip(&solution.points).map(|(want, got)| want - got).collect();
         let miss = Miss::of(&gap);
-        Ok(Some(Self { rest, solution, gap, miss }))
+        let mut step = gap;
+        if options.method == Method::Inverse {
+            let pulls = pull_back(&model, &rest, &solution.points);
+            step.iter_mut().zip(&pulls).for_each(|(step, pull)| *step = pull * *step);
+            tangential(&model, &normals(&model, &rest), &mut step);
+        }
+        Ok(Some(Self { rest, solution, miss, step, model }))
     }
 }
 
 /// Anderson's step: the fixed-point step of the combination of past iterates that misses least.
 fn mixed_step(past: &[Iterate], now: &Iterate) -> Vec<Vec3> {
     if past.is_empty() {
-        return now.gap.clone();
+        return now.step.clone();
     }
     let changes: Vec<(Vec<Vec3>, Vec<Vec3>)> = past
         .iter()
         .map(|old| {
-            let miss = now.gap.iter().zip(&old.gap).map(|(a, b)| a - b).collect();
+            let miss = now.step.iter().zip(&old.step).map(|(a, b)| a - b).collect();
             let rest = now.rest.iter().zip(&old.rest).map(|(a, b)| a - b).collect();
             (miss, rest)
         })
@@ -111,11 +124,11 @@ fn mixed_step(past: &[Iterate], now: &Iterate) -> Vec<Vec3> {
     for r in 0..n {
         normal[(r, r)] *= 1.0 + 1e-8;
     }
-    let right = DVector::from_fn(n, |r, _| dot(&changes[r].0, &now.gap));
+    let right = DVector::from_fn(n, |r, _| dot(&changes[r].0, &now.step));
     let Some(weights) = normal.cholesky().map(|c| c.solve(&right)) else {
-        return now.gap.clone();
+        return now.step.clone();
     };
-    let mut step = now.gap.clone();
+    let mut step = now.step.clone();
     for (weight, (miss, rest)) in weights.iter().zip(&changes) {
         for (out, (m, x)) in step.iter_mut().zip(miss.iter().zip(rest)) {
             *out -= *weight * (m + x);

@@ -1,20 +1,20 @@
 //! The inverse motion: rest positions for which the known shape is in balance.
 //!
 //! The loaded positions x are known, the rest positions X are the unknowns of r(x; X) = 0, the
-//! out-of-balance forces (Govindjee & Mihalic, *Comput. Methods Appl. Mech. Eng.* 136 (1996) 47,
-//! <https://doi.org/10.1016/0045-7825(96)01045-6>). The supports are known too: fixed nodes rest
-//! where they are held, gliding nodes rest on their surface, which takes up any normal force.
+//! out-of-balance forces (Govindjee & Mihalic, *Comput. Methods Appl. Mech. Eng.* 136 (1996) 47).
+//! The supports are known too: fixed nodes rest where they are held, gliding nodes rest on their surface, which takes up any normal force.
 //!
-//! Moving X by δX with x kept is moving x by -F δX with X kept, seen from the moved rest shape, so
-//! that ∂r/∂X ≈ -K F with the stiffness K of the loaded body. Newton's equations are therefore
-//! solved by GMRES on K⁻¹ (∂r/∂X) (-F⁻¹), which is near the identity, with ∂r/∂X by differences.
-//! Unknowns and residuals are then nodal displacements: K⁻¹ r foretells by how far the loaded body
-//! misses its known shape. A step must lower this miss with the K of its start (Deuflhard, *Newton
-//! methods for nonlinear problems* (2004), § 3.1.3). When no step does, part of the gravity comes
-//! first.
+//! With F from `transport`, ∂r/∂X ≈ -K F with the stiffness K of the loaded body. Newton's
+//! equations are therefore solved by GMRES on K⁻¹ (∂r/∂X) (-F⁻¹), which is near the identity, with
+//! ∂r/∂X by differences. Unknowns and residuals are then nodal displacements: K⁻¹ r foretells by
+//! how far the loaded body misses its known shape. A step must lower this miss with the K of its
+//! start (Deuflhard, *Newton methods for nonlinear problems* (2004), ch. 3). When no step does,
+//! part of the gravity comes first. Rest shapes from which the known shape would be an unstable
+//! equilibrium solve the equations too; they are refused.
 
 use super::gmres::{dot, gmres};
 use super::supports::{Normals, normals, onto_surfaces, tangential};
+use super::transport::pull_back;
 use crate::assemble::{Assembly, Curvature, State};
 use crate::linear::Ldlt;
 use crate::model::Model;
@@ -22,7 +22,7 @@ use crate::terms::Load;
 use mammotwin_data::{Mat3, Vec3};
 
 /// Newton steps at one load.
-const MAX_STEPS: usize = 20;
+const MAX_STEPS: usize = 12;
 /// Applications of the linearised forces in one Newton step, and where it ends.
 const MAX_PRODUCTS: usize = 40;
 const LINEAR_RESIDUAL: f64 = 0.05;
@@ -30,10 +30,14 @@ const LINEAR_RESIDUAL: f64 = 0.05;
 const DIFFERENCE_MM: f64 = 1e-5;
 /// Line search: part of the foretold decrease that must be reached, and the shortest step.
 const DECREASE: f64 = 0.25;
-const SHORTEST: f64 = 1.0 / 64.0;
-/// Foretold miss (mm) at partial loads, and the smallest part of the load that is tried.
+const SHORTEST: f64 = 1.0 / 8.0;
+/// Shortest steps at one load that are taken although they do not lower the miss.
+const MAX_FORCED: usize = 4;
+/// Foretold miss (mm) from which a stalled search is left to the fixed point, the one that is
+/// aimed at under part of the load, and the smallest part that is tried.
+const NEAR_MM: f64 = 0.5;
 const ON_THE_WAY_MM: f64 = 0.1;
-const SMALLEST_PART: f64 = 1.0 / 64.0;
+const SMALLEST_PART: f64 = 1.0 / 16.0;
 /// First proximal stiffness where the loaded body is unstable, its growth and its rounds, in units
 /// of the mean diagonal.
 const PROXIMAL: f64 = 1e-3;
@@ -70,30 +74,21 @@ pub(super) fn inverse<E: std::fmt::Display>(
     let mut search = Search::new(&first, known, build)?;
     let mut rest = guess.to_vec();
     search.keep_supports(&first, &mut rest);
-    if search.balance(&mut rest, 1.0, tolerance_mm).is_some() {
+    let off_mm = search.balance(&mut rest, 1.0, tolerance_mm);
+    if off_mm <= NEAR_MM {
         return Ok(Found { rest, carried: 1.0, effort: search.effort });
     }
     let mut rest = known.to_vec();
     let (mut done, mut part) = (0.0, 0.5);
-    while done < 1.0 {
+    while done < 1.0 && part >= SMALLEST_PART {
         let to = f64::min(1.0, done + part);
         let mut trial = rest.clone();
         let wanted = if to < 1.0 { ON_THE_WAY_MM } else { tolerance_mm };
-        match search.balance(&mut trial, to, wanted) {
-            Some(steps) => {
-                rest = trial;
-                done = to;
-                report(done);
-                if steps <= 4 {
-                    part *= 2.0;
-                }
-            }
-            None => {
-                part *= 0.5;
-                if part < SMALLEST_PART {
-                    break;
-                }
-            }
+        if search.balance(&mut trial, to, wanted) <= NEAR_MM {
+            (rest, done) = (trial, to);
+            report(done);
+        } else {
+            part *= 0.5;
         }
     }
     Ok(Found { rest, carried: done, effort: search.effort })
@@ -124,8 +119,10 @@ struct Forces {
 
 /// The linearisation at one rest shape.
 struct Linear {
-    /// -F⁻¹ at each node.
+    /// F⁻¹ at each node.
     pull: Vec<Mat3>,
+    /// Whether the loaded body is stable.
+    stable: bool,
     rest_normals: Normals,
 }
 
@@ -191,7 +188,7 @@ impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B>
             term.react(self.known, &forces.applied, memory);
         }
         let mut gradient = Vec::new();
-        let mut factored = false;
+        let (mut factored, mut stable) = (false, false);
         for round in 0..=PROXIMAL_ROUNDS {
             if round < 2 {
                 let curvature = [Curvature::Exact, Curvature::Projected][round];
@@ -206,12 +203,14 @@ impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B>
             factored = self.system.factor(&self.values).is_ok()
                 && self.system.negative_pivots() == self.assembly.pressures();
             if factored {
+                stable = round == 0;
                 break;
             }
             tracing::debug!(round, "the loaded body is unstable");
         }
         factored.then(|| Linear {
-            pull: pulls(model, rest, self.known),
+            pull: pull_back(model, rest, self.known),
+            stable,
             rest_normals: normals(model, rest),
         })
     }
@@ -225,26 +224,25 @@ impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B>
         Some(miss)
     }
 
-    /// Balances the known shape under a fraction of gravity, from `rest`, and returns the number
-    /// of Newton steps; `None` when the search stalls.
-    fn balance(
-        &mut self,
-        rest: &mut Vec<Vec3>,
-        gravity: f64,
-        tolerance_mm: f64,
-    ) -> Option<usize> {
+    /// Balances the known shape under a fraction of gravity, from `rest`, and returns the foretold
+    /// miss (mm) of the rest shape reached; infinite when the loaded body would be unstable.
+    fn balance(&mut self, rest: &mut Vec<Vec3>, gravity: f64, tolerance_mm: f64) -> f64 {
         self.state.load.gravity = gravity;
-        let mut forces = self.forces(rest)?;
-        for step in 0..MAX_STEPS {
-            let linear = self.linearise(rest, &forces)?;
-            let miss = self.miss(&forces.model, &forces.unbalanced)?;
+        let mut reached = f64::INFINITY;
+        let Some(mut forces) = self.forces(rest) else { return reached };
+        let mut forced = 0;
+        for step in 0..=MAX_STEPS {
+            let Some(linear) = self.linearise(rest, &forces) else { break };
+            let Some(miss) = self.miss(&forces.model, &forces.unbalanced) else { break };
             let off = rms(&miss);
-            if off <= tolerance_mm {
-                return Some(step);
+            reached = if linear.stable { off } else { f64::INFINITY };
+            if off <= tolerance_mm || step == MAX_STEPS {
+                break;
             }
             self.effort.steps += 1;
             let toward = |z: &[Vec3]| -> Vec<Vec3> {
-                let mut step: Vec<Vec3> = z.iter().zip(&linear.pull).map(|(z, f)| f * z).collect();
+                let mut step: Vec<Vec3> =
+                    z.iter().zip(&linear.pull).map(|(z, f)| -(f * z)).collect();
                 tangential(&forces.model, &linear.rest_normals, &mut step);
                 step
             };
@@ -259,60 +257,55 @@ impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B>
                 self.miss(&forces.model, &slope)
             };
             let solved = gmres(product, &miss, LINEAR_RESIDUAL, MAX_PRODUCTS);
-            let direction = toward(&solved.solution);
-            let mut length = 1.0;
-            let next = loop {
-                let mut trial: Vec<Vec3> =
-                    rest.iter().zip(&direction).map(|(x, d)| x + length * d).collect();
-                onto_surfaces(&forces.model, &mut trial);
-                let there = self.forces(&trial);
-                let left = there.as_ref().and_then(|f| self.miss(&f.model, &f.unbalanced));
-                let left = left.map_or(f64::INFINITY, |miss| rms(&miss));
-                if let (Some(there), true) = (there, left <= (1.0 - DECREASE * length) * off) {
-                    break Some((trial, there, left));
-                }
-                length *= 0.5;
-                if length < SHORTEST {
-                    break None;
-                }
-            };
+            let line = self.walk(rest, &toward(&solved.solution), &forces, off);
             tracing::debug!(
-                gravity, step, off, length, solved.products, solved.residual,
-                left = next.as_ref().map(|n| n.2), "inverse step"
+                gravity,
+                step,
+                off,
+                solved.products,
+                line.lowers,
+                left = line.left_mm,
+                "inverse step"
             );
-            let (trial, there, _) = next?;
-            *rest = trial;
-            forces = there;
+            // A slack cable or sheet that tautens: the linearisation beyond the kink knows it.
+            forced += usize::from(!line.lowers);
+            let Some((there, balance)) = line.end.filter(|_| forced <= MAX_FORCED) else { break };
+            *rest = there;
+            forces = balance;
         }
-        None
+        reached
     }
+
+    /// Goes along `direction`, halving it until the foretold miss is well below `off` mm.
+    fn walk(&mut self, rest: &[Vec3], direction: &[Vec3], forces: &Forces, off: f64) -> Line {
+        let mut line = Line { end: None, left_mm: f64::INFINITY, lowers: false };
+        let mut length = 1.0;
+        while !line.lowers && length >= SHORTEST {
+            let mut trial: Vec<Vec3> =
+                rest.iter().zip(direction).map(|(x, d)| x + length * d).collect();
+            onto_surfaces(&forces.model, &mut trial);
+            if let Some(there) = self.forces(&trial) {
+                let miss = self.miss(&there.model, &there.unbalanced);
+                line.left_mm = miss.map_or(f64::INFINITY, |miss| rms(&miss));
+                line.lowers = line.left_mm <= (1.0 - DECREASE * length) * off;
+                line.end = Some((trial, there));
+            }
+            length *= 0.5;
+        }
+        line
+    }
+}
+
+/// Where a line search ended.
+struct Line {
+    /// The rest shape and its forces; the shortest admissible step when none lowered the miss.
+    end: Option<(Vec<Vec3>, Forces)>,
+    /// Miss (mm) that the stiffness of the start foretells there.
+    left_mm: f64,
+    lowers: bool,
 }
 
 /// Root mean square length (mm) of a nodal field.
 fn rms(field: &[Vec3]) -> f64 {
     (dot(field, field) / field.len().max(1) as f64).sqrt()
-}
-
-/// -F⁻¹ at each node: the mean of the tetrahedra around it, by their size.
-fn pulls(model: &Model, rest: &[Vec3], known: &[Vec3]) -> Vec<Mat3> {
-    let mut sums = vec![Mat3::zeros(); rest.len()];
-    let mut sizes = vec![0.0; rest.len()];
-    for term in model.terms().iter().filter(|term| term.is_mixed()) {
-        for element in 0..term.elements() {
-            let nodes = term.nodes(element);
-            let edges = |points: &[Vec3]| {
-                let corner = |n: usize| points[nodes[n] as usize];
-                Mat3::from_columns(&[1, 2, 3].map(|n| corner(n) - corner(0)))
-            };
-            let (before, after) = (edges(rest), edges(known));
-            let size = after.determinant().abs();
-            let Some(inverse) = after.try_inverse() else { continue };
-            for &n in nodes {
-                sums[n as usize] -= size * (before * inverse);
-                sizes[n as usize] += size;
-            }
-        }
-    }
-    let mean = |(sum, size): (Mat3, f64)| if size > 0.0 { sum / size } else { -Mat3::identity() };
-    sums.into_iter().zip(sizes).map(mean).collect()
 }

@@ -8,6 +8,7 @@ mod fixed_point;
 mod gmres;
 mod inverse;
 mod supports;
+mod transport;
 
 pub use inverse::Effort;
 
@@ -20,10 +21,10 @@ use mammotwin_data::{Vec3, progress::Progress, solution::Solution};
 /// How the rest positions are sought.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Method {
-    /// Newton on the rest positions; the fixed point as polish and fall-back.
+    /// Newton on the rest positions; a fixed point with F⁻¹ as polish and fall-back.
     #[default]
     Inverse,
-    /// The fixed point alone.
+    /// Sellier's fixed point alone.
     FixedPoint,
 }
 
@@ -116,8 +117,6 @@ pub enum UnloadError {
 
 /// The inverse motion ends when its foretold miss is this part of the tolerance.
 const INVERSE_PART: f64 = 0.02;
-/// Equilibria that a polish may take.
-const POLISH: usize = 5;
 
 /// Finds the rest positions from which the model of `build` takes the shape `loaded` (mm),
 /// beginning the search at `guess` (`loaded` itself when nothing better is known).
@@ -155,12 +154,10 @@ pub fn stress_free<E: std::fmt::Display>(
         let sought = sought.map_err(UnloadError::Model)?;
         effort = sought.effort;
         tracing::debug!(sought.carried, ?effort, "inverse motion");
-        if sought.carried == 1.0 {
-            found = load(sought.rest, &known).ok();
-        }
+        found = load(sought.rest, &known).ok();
     }
     let (first, rounds) = match found {
-        Some(found) => (found, POLISH),
+        Some(found) => (found, options.max_iterations - 1),
         None => (load(guess.to_vec(), &known)?, options.max_iterations - 1),
     };
     let (best, iterations) = fixed_point(&known, first, &build, rounds, options, progress);
