@@ -263,6 +263,7 @@ impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B>
                 step,
                 off,
                 solved.products,
+                solved.residual,
                 line.lowers,
                 left = line.left_mm,
                 "inverse step"
