@@ -124,10 +124,11 @@ fn sliding_on_the_chest_wall() {
     }
 }
 
-/// Pulled to more than twice its height (75 mm), or where the fascia under it goes slack (47 mm),
-/// more than one rest shape takes the loaded shape; one of them is found.
+/// Pulled to more than twice its height, bonded, the body takes the loaded shape from another rest
+/// shape too (9.7 mm away); sliding, fascia goes slack and the search ends near. The round trip is
+/// what is asked for.
 #[test]
-fn a_rest_shape_is_found_where_there_are_several() {
+fn a_very_soft_body_returns_to_its_shape_though_not_from_the_true_rest_shape() {
     for slides in [false, true] {
         let (_, found) = round_trip(Case { slides, skin: slides, ..bonded(0.3, PRONE) });
         assert!(found.miss.rms_mm < 0.05, "{:?}", found.miss);
