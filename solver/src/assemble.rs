@@ -135,8 +135,18 @@ impl Assembly {
             return Ok(());
         }
         let alone: Vec<[u32; 4]> = self.pressures.iter().map(|&p| [p, NONE, NONE, NONE]).collect();
-        let pattern = pattern_of(graph, &alone, count);
-        let mut values = vec![0.0; pattern.rows.len()];
+        self.compliance = Some(Ldlt::analyse(pattern_of(graph, &alone, count))?);
+        Ok(self.renew(model)?)
+    }
+
+    /// Takes the compliance anew from `model`: the analysed one with other rest positions.
+    ///
+    /// # Errors
+    /// A compliance that is singular.
+    pub fn renew(&mut self, model: &Model) -> Result<(), LinearError> {
+        let Some(factors) = &mut self.compliance else { return Ok(()) };
+        let mut values = vec![0.0; factors.pattern().rows.len()];
+        self.constant.fill(0.0);
         for term in model.terms().iter().filter(|term| term.is_mixed()) {
             for element in 0..term.elements() {
                 let local = term.compliance(element);
@@ -145,7 +155,7 @@ impl Assembly {
                     for b in 0..=a {
                         let (a_node, b_node) = (nodes[a] as usize, nodes[b] as usize);
                         let (p, q) = (self.pressures[a_node], self.pressures[b_node]);
-                        let at = pattern.position(p.max(q) as usize, p.min(q) as usize);
+                        let at = factors.pattern().position(p.max(q) as usize, p.min(q) as usize);
                         values[at.expect("neighbours are in the pattern")] += local[(a, b)];
                         let (p, q) = (self.unknowns[a_node][3], self.unknowns[b_node][3]);
                         let at = self.pattern.position(p.max(q) as usize, p.min(q) as usize);
@@ -154,10 +164,7 @@ impl Assembly {
                 }
             }
         }
-        let mut factors = Ldlt::analyse(pattern)?;
-        factors.factor(&values)?;
-        self.compliance = Some(factors);
-        Ok(())
+        factors.factor(&values)
     }
 
     /// Energy (µJ) of a state with the nodes at `points`, and the pressures that belong to them.

@@ -319,8 +319,10 @@ impl Default for MeshPlan {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StressFree {
-    /// Damped, accelerated fixed point on the reference shape (Sellier 2011).
+    /// Newton on the rest positions (Govindjee & Mihalic 1996).
     #[default]
+    Inverse,
+    /// Damped, accelerated fixed point on the reference shape (Sellier 2011).
     FixedPoint,
 }
 

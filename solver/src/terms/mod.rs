@@ -209,6 +209,15 @@ pub trait Term: Send + Sync {
     ) {
     }
 
+    /// The surface that the nodes of all elements glide on and never leave, if there is one.
+    fn surface(&self) -> Option<&dyn Target> {
+        None
+    }
+
+    /// Makes a surface's reactions balance what of `gradient` (mN, by node; the sum of the other
+    /// terms) is normal to it, with the nodes at `points` on the surface.
+    fn react(&self, _points: &[Vec3], _gradient: &[Vec3], _memory: &mut [f64]) {}
+
     /// Raises the shear modulus (kPa) of each node to that of the term's tissue there.
     fn raise_shear(&self, _shear_kpa: &mut [f64]) {}
 

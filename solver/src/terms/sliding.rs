@@ -139,4 +139,16 @@ impl Term for Sliding {
             *multiplier += self.penalty(element, shear_kpa) * self.distance(element, points).0;
         }
     }
+
+    fn surface(&self) -> Option<&dyn Target> {
+        Some(self.target.as_ref())
+    }
+
+    fn react(&self, points: &[Vec3], gradient: &[Vec3], memory: &mut [f64]) {
+        for (element, multiplier) in memory.iter_mut().enumerate() {
+            let normal = self.distance(element, points).1;
+            let force = gradient[self.nodes[element] as usize].dot(&normal);
+            *multiplier = -force / (self.areas[element] * normal.norm_squared());
+        }
+    }
 }

@@ -15,7 +15,7 @@ use mammotwin_data::{
     labels::Side,
     progress::{Part, Progress, Silent},
     store::{Artifact, Stage},
-    study::{CalibratePlan, ModelPlan},
+    study::{CalibratePlan, ModelPlan, StressFree},
 };
 use mammotwin_solver::{solve, unload};
 use secant::Secant;
@@ -59,11 +59,24 @@ pub struct Trial {
     pub modified_hausdorff_mm: f64,
 }
 
+/// How well the stress-free shape, loaded again, takes the reference pose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RoundTrip {
+    /// Root mean square distance (mm) of the nodes.
+    pub rms_mm: f64,
+    /// Largest distance (mm) of a node.
+    pub max_mm: f64,
+    /// How far (mm) sliding nodes of the mesh had to be moved onto the chest wall beforehand.
+    pub off_wall_mm: f64,
+}
+
 /// A stress-free shape, and how well it reaches the fitted poses.
 #[derive(Debug, Clone)]
 pub struct Fit {
     /// Moduli of the breasts.
     pub moduli: Moduli,
+    /// How well it takes the reference pose.
+    pub round_trip: RoundTrip,
     /// Stress-free node positions (mm), in the reference pose's frame.
     pub rest: Vec<Vec3>,
     /// The reference pose, loaded again from the stress-free shape, then the fitted poses.
@@ -93,6 +106,11 @@ impl Artifact for Calibration {
                 &fit.moduli,
                 "Young's moduli of the breasts",
             )?;
+            file.put_json(
+                &format!("{group}/round_trip"),
+                &fit.round_trip,
+                "reference pose, loaded again (mm)",
+            )?;
             file.put(&format!("{group}/rest"), &fit.rest, "mm", "stress-free node positions")?;
             let names: Vec<String> = fit.poses.iter().map(|p| p.pose.clone()).collect();
             file.put_texts(&format!("{group}/poses"), &names, "poses, the reference first")?;
@@ -111,7 +129,8 @@ impl Artifact for Calibration {
                 poses.push(PoseFit::get(&file, &format!("{group}/{name}"), &name)?);
             }
             let moduli = file.json(&format!("{group}/moduli"))?;
-            Ok(Fit { moduli, rest: file.get(&format!("{group}/rest"))?, poses })
+            let round_trip = file.json(&format!("{group}/round_trip"))?;
+            Ok(Fit { moduli, round_trip, rest: file.get(&format!("{group}/rest"))?, poses })
         };
         Ok(Self { before: fit("before")?, after: fit("after")?, trials: file.json("trials")? })
     }
@@ -122,9 +141,11 @@ type Input = (BreastMesh, PoseSurfaces, Vec<Registered>, Vec<PoseSurfaces>);
 
 impl Stage for Calibrate {
     const NAME: &'static str = "calibrate";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "The stress-free shape is the shape that gravity deforms into the reference pose; it \
-         was found by an accelerated fixed point (Sellier, Comput. Mech. 48 (2011) 503). The Young's \
+         was found as the inverse motion (Govindjee & Mihalic, Comput. Methods Appl. Mech. Eng. 136 \
+         (1996) 47), or by an accelerated fixed point (Sellier, Comput. Mech. 48 (2011) 503) where the \
+         study asks for it. The Young's \
          modulus of each breast was found by a secant search on the gravity-weighted signed distance \
          of its skin to the fitted pose.";
     type Input = Input;
@@ -142,7 +163,12 @@ impl Stage for Calibrate {
             targets.push(PoseTarget::new(name, mesh, motion, surfaces)?);
         }
         let body = Body::new(mesh, &self.model);
-        let search = Search { body, targets };
+        let method = match self.plan.stress_free {
+            StressFree::Inverse => unload::Method::Inverse,
+            StressFree::FixedPoint => unload::Method::FixedPoint,
+        };
+        let unload = unload::Options { method, ..unload::Options::default() };
+        let search = Search { body, targets, unload };
         let fitted: Vec<Side> = [Side::Right, Side::Left]
             .into_iter()
             .zip(FITTED)
@@ -158,6 +184,7 @@ impl Stage for Calibrate {
 struct Search<'a> {
     body: Body<'a>,
     targets: Vec<PoseTarget>,
+    unload: unload::Options,
 }
 
 impl Search<'_> {
@@ -250,17 +277,18 @@ impl Search<'_> {
         let loaded = &self.body.mesh.points;
         let gravity = self.targets[0].gravity;
         let model = |rest: &[Vec3]| self.body.model(rest, moduli, gravity, None);
-        let options = unload::Options::default();
-        // Gravity turned round is the thesis' first guess.
-        let guess = match warm {
-            Some(rest) => rest.to_vec(),
-            None => {
+        let options = &self.unload;
+        let guess = match (warm, options.method) {
+            (Some(rest), _) => rest.to_vec(),
+            (None, unload::Method::Inverse) => loaded.clone(),
+            // Gravity turned round is the thesis' first guess.
+            (None, unload::Method::FixedPoint) => {
                 let lifted = self.body.model(loaded, moduli, -gravity, None)?;
                 let solution = solve(&lifted, loaded, &options.solve, &Silent);
                 solution.map_or_else(|_| loaded.clone(), |solution| solution.points)
             }
         };
-        let found = unload::stress_free(loaded, &guess, model, &options, &Silent)
+        let found = unload::stress_free(loaded, &guess, model, options, &Silent)
             .map_err(|cause| Failure::Numerics(format!("stress-free shape: {cause}")))?;
         let mut poses = Vec::new();
         for (n, target) in self.targets.iter().enumerate() {
@@ -272,7 +300,12 @@ impl Search<'_> {
             };
             poses.push(target.measure(solution)?);
         }
-        Ok(Fit { moduli, rest: found.rest, poses })
+        let round_trip = RoundTrip {
+            rms_mm: found.miss.rms_mm,
+            max_mm: found.miss.max_mm,
+            off_wall_mm: found.off_surface_mm,
+        };
+        Ok(Fit { moduli, round_trip, rest: found.rest, poses })
     }
 
     /// Mean over the fitted poses of the residual of one side (mm).

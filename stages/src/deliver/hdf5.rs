@@ -1,5 +1,6 @@
 //! `results.h5` as a stage.
 
+use super::sections;
 use crate::{
     artifact::{bytes_artifact, bytes_of},
     calibrate::Calibration,
@@ -35,7 +36,7 @@ bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "";
     type Input = (
         BreastMesh,
@@ -97,7 +98,10 @@ impl Stage for Deliver {
                 radiographs.push((format!("calcifications_{um}um"), picture));
             }
         }
-        let metrics: Vec<Metric> = metrics.iter().flat_map(|m| m.metrics.clone()).collect();
+        let metrics: Vec<Metric> = sections::round_trip(calibration)
+            .into_iter()
+            .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
+            .collect();
         let results = Results {
             study: &self.study,
             states: &states,

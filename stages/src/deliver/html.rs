@@ -53,7 +53,7 @@ pub type Squeezed =
 
 impl Stage for Report {
     const NAME: &'static str = "report";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "";
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
@@ -74,7 +74,10 @@ impl Stage for Report {
             calibration: Some(sections::calibration(mesh, calibration)),
             validation: validations.first().map(|v| sections::validation(mesh, v)),
             compression: compression.as_ref().map(sections::compression),
-            metrics: metrics.iter().flat_map(|m| m.metrics.clone()).collect(),
+            metrics: sections::round_trip(calibration)
+                .into_iter()
+                .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
+                .collect(),
             methods: methods(compression.is_some(), mammograms.is_some()),
             provenance: self.provenance.clone(),
             ..ReportInput::default()

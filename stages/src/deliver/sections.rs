@@ -205,6 +205,24 @@ pub fn calibration(mesh: &BreastMesh, calibration: &Calibration) -> FitReport {
     FitReport { facts, charts, maps }
 }
 
+/// How well the stress-free shape, loaded again, takes the reference pose.
+pub fn round_trip(calibration: &Calibration) -> Vec<Metric> {
+    let trip = &calibration.after.round_trip;
+    let source = "stress-free shape, loaded again";
+    let long = |what: &str| format!("Reference pose from the stress-free shape: {what}");
+    vec![
+        Metric::new("round_trip_rms_mm", &long("rms of the nodes"), "mm", trip.rms_mm, source),
+        Metric::new("round_trip_max_mm", &long("farthest node"), "mm", trip.max_mm, source),
+        Metric::new(
+            "off_wall_max_mm",
+            "Way of sliding nodes onto the chest wall before unloading",
+            "mm",
+            trip.off_wall_mm,
+            source,
+        ),
+    ]
+}
+
 fn search_chart(trials: &[Trial]) -> Chart {
     let line = |name: &str, of: &dyn Fn(&Trial) -> (f64, f64)| {
         let mut points: Vec<(f64, f64)> = trials.iter().map(of).collect();

@@ -122,6 +122,12 @@ impl TruthBody {
         Ok(Self { mesh, supine, supine_mesh, anatomy, wall, plan, moduli })
     }
 
+    /// The supine body with the tissues and supports of `plan`.
+    pub fn body<'a>(&'a self, plan: &'a ModelPlan) -> Body<'a> {
+        let (mesh, anatomy) = (&self.supine_mesh, &self.anatomy);
+        Body { mesh, wall: self.wall.clone(), anatomy, plan }
+    }
+
     /// The equilibrium in a pose, in the common frame.
     ///
     /// # Errors
@@ -130,8 +136,7 @@ impl TruthBody {
         if pose == PoseName::Supine {
             return Ok(self.supine.clone());
         }
-        let (mesh, anatomy, plan) = (&self.supine_mesh, &self.anatomy, &self.plan);
-        let body = Body { mesh, wall: self.wall.clone(), anatomy, plan };
+        let body = self.body(&self.plan);
         let rest = &self.mesh.points;
         let model = body.model(rest, self.moduli, pose.gravity(), None)?;
         // Poses in which gravity presses on the chest are nearer to the supine one.

@@ -26,6 +26,7 @@ pub use motion::{Motion, PoseName};
 pub use posed::PosedBody;
 pub use preset::Preset;
 pub use score::{Found, Score, score};
+pub use study::model_plan;
 pub use torso::Torso;
 pub use truth::Truth;
 
