@@ -15,10 +15,10 @@
 use super::gmres::{dot, gmres};
 use super::supports::{Normals, normals, onto_surfaces, tangential};
 use super::transport::pull_back;
-use crate::assemble::{Assembly, Curvature, State};
+use crate::assemble::{Assembly, State};
 use crate::linear::Ldlt;
 use crate::model::Model;
-use crate::terms::Load;
+use crate::terms::{Curvature, Load};
 use mammotwin_data::{Mat3, Vec3};
 
 /// Newton steps at one load.
@@ -38,11 +38,8 @@ const MAX_FORCED: usize = 4;
 const NEAR_MM: f64 = 0.5;
 const ON_THE_WAY_MM: f64 = 0.1;
 const SMALLEST_PART: f64 = 1.0 / 16.0;
-/// First proximal stiffness where the loaded body is unstable, its growth and its rounds, in units
-/// of the mean diagonal.
-const PROXIMAL: f64 = 1e-3;
-const PROXIMAL_GROWTH: f64 = 10.0;
-const PROXIMAL_ROUNDS: usize = 5;
+/// Shares of the convex stiffness that are tried, the first where the loaded body is stable.
+const SHIFTS: [f64; 7] = [0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0];
 
 /// What the search did.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -189,17 +186,12 @@ impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B>
         }
         let mut gradient = Vec::new();
         let (mut factored, mut stable) = (false, false);
-        for round in 0..=PROXIMAL_ROUNDS {
-            if round < 2 {
-                let curvature = [Curvature::Exact, Curvature::Projected][round];
-                self.assembly
-                    .newton_system(model, &self.state, curvature, &mut gradient, &mut self.values)
-                    .ok()?;
-            } else {
-                let growth = PROXIMAL_GROWTH.powi(round as i32 - 2);
-                let stiffness = PROXIMAL * growth * self.assembly.mean_diagonal(&self.values);
-                self.assembly.add_to_diagonal(stiffness, &mut self.values);
-            }
+        for (round, shift) in SHIFTS.into_iter().enumerate() {
+            let curvature = if round == 0 { Curvature::Exact } else { Curvature::Convex };
+            self.assembly
+                .newton_system(model, &self.state, curvature, &mut gradient, &mut self.values)
+                .ok()?;
+            self.assembly.add_shift(shift, &mut self.values);
             factored = self.system.factor(&self.values).is_ok()
                 && self.system.negative_pivots() == self.assembly.pressures();
             if factored {
