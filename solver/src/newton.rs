@@ -66,6 +66,16 @@ const SHIFT_GROWTH: f64 = 4.0;
 const FADING: f64 = 2.0;
 const FAST_FADING: f64 = 16.0;
 
+/// Where the energy is not convex, no node goes farther than this (mm) in one step, so that a body
+/// past a point of buckling comes to the next minimum and not to one beyond.
+const STRIDE_MM: f64 = 4.0;
+
+/// Greatest length of a step along a direction where the energy is not convex.
+fn stride(direction: &[Vec3]) -> f64 {
+    let farthest = direction.iter().map(|d| d.norm()).fold(f64::MIN_POSITIVE, f64::max);
+    f64::min(1.0, STRIDE_MM / farthest)
+}
+
 /// Buffers and factors that live through many minimisations of one model.
 pub struct Newton {
     /// Sums of the terms.
@@ -124,7 +134,8 @@ impl Newton {
                     if nearly && -self.slope(&direction) <= self.rounding(energy, &direction) {
                         return Ok(iteration);
                     }
-                    match self.search(model, state, energy, &direction) {
+                    let longest = if shift > 0.0 { stride(&direction) } else { 1.0 };
+                    match self.search(model, state, energy, &direction, longest) {
                         Ok(found) => break found,
                         Err(cause) => ran_into = cause,
                     }
@@ -162,10 +173,7 @@ impl Newton {
                 *sum += (b - a) / NEARBY;
             }
         }
-        let Some(direction) = [0.0, 0.01, 1.0].into_iter().find_map(|shift| self.direction(shift))
-        else {
-            return;
-        };
+        let Some(direction) = self.direction(0.0) else { return };
         let mut pressure = Vec::new();
         let energy = self.assembly.energy(model, state, &state.points, &mut pressure);
         let mut lowest = energy.unwrap_or(f64::INFINITY);
@@ -245,12 +253,13 @@ impl Newton {
         state: &mut State,
         energy: f64,
         direction: &[Vec3],
+        longest: f64,
     ) -> Result<(f64, f64), Option<EnergyError>> {
         let (slope, slack) = (self.slope(direction), self.rounding(energy, direction));
         let mut cause = None;
-        let mut length = 1.0;
+        let mut length = longest;
         let mut pressure = Vec::new();
-        while length > SHORTEST {
+        while length > SHORTEST * longest {
             let points: Vec<Vec3> =
                 state.points.iter().zip(direction).map(|(p, d)| p + length * d).collect();
             match self.assembly.energy(model, state, &points, &mut pressure) {

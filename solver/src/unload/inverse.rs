@@ -39,7 +39,7 @@ const NEAR_MM: f64 = 0.5;
 const ON_THE_WAY_MM: f64 = 0.1;
 const SMALLEST_PART: f64 = 1.0 / 16.0;
 /// Shares of the convex stiffness that are tried, the first where the loaded body is stable.
-const SHIFTS: [f64; 7] = [0.0, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0];
+const SHIFTS: [f64; 6] = [0.0, 0.1, 1.0, 10.0, 100.0, 1000.0];
 
 /// What the search did.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
