@@ -5,6 +5,9 @@
 
 #![allow(dead_code)]
 
+pub mod loads;
+pub mod shapes;
+
 use mammotwin_data::{Vec3, labels::Tissue, mesh::Patch, mesh::TetMesh};
 use std::collections::BTreeMap;
 
