@@ -17,7 +17,7 @@ use slots::{NONE, pattern_of, scatter, slots_of};
 use std::sync::Arc;
 
 /// Elements evaluated at once; bounds the memory and fixes the order of sums.
-const CHUNK: usize = 1024;
+const CHUNK: usize = 256;
 
 /// A state of the body during a solve.
 #[derive(Debug, Clone)]
