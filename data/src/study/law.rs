@@ -119,7 +119,7 @@ impl LawConstants {
         within("constants.exponent", self.exponent, 1e-3, 100.0)?;
         if let Some([second, third]) = self.ratios {
             // 1 + 2 c₂ x + 3 c₃ x² must stay positive for every x >= 0.
-            let stiff = third >= 0.0 && third <= 1e6 && second <= 1e6;
+            let stiff = (0.0..=1e6).contains(&third) && second <= 1e6;
             if !(stiff && second > -(3.0 * third).sqrt().max(f64::MIN_POSITIVE)) {
                 let why = format!(
                     "[{second}, {third}] lets tissue soften to nothing; write a second number of \
