@@ -9,9 +9,9 @@ use common::fine;
 use criterion::{Criterion, criterion_group, criterion_main};
 use mammotwin_data::study::LawName;
 use mammotwin_solver::Model;
-use mammotwin_solver::assemble::{Assembly, Curvature, State};
+use mammotwin_solver::assemble::{Assembly, State};
 use mammotwin_solver::materials::Law;
-use mammotwin_solver::terms::{Bulk, Load};
+use mammotwin_solver::terms::{Bulk, Curvature, Load};
 
 fn assembly(bench: &mut Criterion) {
     let mesh = fine().mesh;

@@ -7,13 +7,13 @@ mod common;
 use common::coarse;
 use common::shapes::brick;
 use mammotwin_data::{Vec3, mesh::Patch, progress::Silent, study::LawName};
-use mammotwin_solver::assemble::{Assembly, Curvature, State};
+use mammotwin_solver::assemble::{Assembly, State};
 use mammotwin_solver::linear::Ldlt;
 use mammotwin_solver::materials::Law;
 use mammotwin_solver::paddles::RoundedPlate;
 use mammotwin_solver::terms::plate::{Plate, PlateKind};
 use mammotwin_solver::terms::target::Cylinder;
-use mammotwin_solver::terms::{Bulk, Cable, Cables, Gravity, Load, Membrane, Sliding};
+use mammotwin_solver::terms::{Bulk, Cable, Cables, Curvature, Gravity, Load, Membrane, Sliding};
 use mammotwin_solver::{Model, Options, solve};
 use std::sync::Arc;
 

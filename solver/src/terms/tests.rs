@@ -3,8 +3,8 @@
 use super::plate::{Plate, PlateKind};
 use super::quadratic::{self, Rule};
 use super::{
-    At, Bulk, Cable, Cables, Gravity, Load, Membrane, QuadraticBulk, QuadraticMembrane, Sliding,
-    Term as _, target::Cylinder, testing,
+    At, Bulk, Cable, Cables, Curvature, Gravity, Load, Membrane, QuadraticBulk, QuadraticMembrane,
+    Sliding, Term as _, target::Cylinder, testing,
 };
 use crate::materials::Law;
 use crate::mesh::quadratic::QuadraticMesh;
@@ -95,8 +95,8 @@ fn quadratic_bulk_and_membrane() {
     let shift = |n: f64| 0.2 * Vec3::new((1.3 * n).sin(), (2.1 * n).cos(), (0.7 * n + 1.0).sin());
     let points: Vec<Vec3> =
         mesh.points.iter().enumerate().map(|(n, p)| 1.02 * p + shift(n as f64)).collect();
-    let at =
-        At { points: &points, pressure: &[], memory: &[], shear_kpa: &[], load: Load::GRAVITY };
+    let (load, curvature) = (Load::GRAVITY, Curvature::Exact);
+    let at = At { points: &points, pressure: &[], memory: &[], shear_kpa: &[], load, curvature };
     let faces: Vec<[u32; 6]> = mesh.patches.values().flatten().copied().collect();
     for law in laws() {
         let bulk = QuadraticBulk::new("bulk", &mesh, vec![law; 2], Rule::Fourteen).unwrap();
