@@ -17,7 +17,7 @@ use slots::{NONE, pattern_of, scatter, slots_of};
 use std::sync::Arc;
 
 /// Elements evaluated at once; bounds the memory and fixes the order of sums.
-const CHUNK: usize = 1024;
+const CHUNK: usize = 256;
 
 /// A state of the body during a solve.
 #[derive(Debug, Clone)]
@@ -185,13 +185,16 @@ impl Assembly {
             let parts: Vec<Result<(f64, f64), Refusal>> = (0..term.elements())
                 .into_par_iter()
                 .with_min_len(256)
-                .map(|element| {
-                    let mut block = Block::ZERO;
-                    match term.block(element, &at, Order::Value, &mut block) {
-                        Ok(()) => Ok((block.energy, block.dilatation)),
-                        Err(cause) => Err(Refusal { element, cause }),
-                    }
-                })
+                .map_init(
+                    || Block::ZERO,
+                    |block, element| {
+                        (block.energy, block.dilatation) = (0.0, 0.0);
+                        match term.block(element, &at, Order::Value, block) {
+                            Ok(()) => Ok((block.energy, block.dilatation)),
+                            Err(cause) => Err(Refusal { element, cause }),
+                        }
+                    },
+                )
                 .collect();
             for (element, part) in parts.into_iter().enumerate() {
                 let (own, theta) = part.map_err(|refusal| TermRefusal { term: index, refusal })?;
@@ -238,7 +241,7 @@ impl Assembly {
         for (index, term) in model.terms().iter().enumerate() {
             let mut slots = self.slots[index].iter();
             let evaluate = |element: usize, block: &mut Block| {
-                *block = Block::ZERO;
+                block.clear(term.nodes(element).len());
                 let at = At { curvature, ..state.at(index) };
                 term.block(element, &at, Order::Hessian, block)
             };
@@ -272,7 +275,7 @@ impl Assembly {
             let mut gradient = vec![Vec3::zeros(); model.rest.len()];
             let mut blocks = vec![Block::ZERO; CHUNK.min(term.elements())];
             let evaluate = |element: usize, block: &mut Block| {
-                *block = Block::ZERO;
+                block.clear(term.nodes(element).len());
                 term.block(element, &state.at(index), Order::Gradient, block)
             };
             for first in (0..term.elements()).step_by(CHUNK) {

@@ -9,6 +9,7 @@
 pub mod assemble;
 pub mod compress;
 pub mod distance;
+mod eigen;
 pub mod linear;
 pub mod materials;
 pub mod mesh;

@@ -134,6 +134,7 @@ impl Stage for Compress {
         let law = LawOverride {
             name: self.plan.law.name,
             jm: self.plan.law.jm,
+            constants: self.plan.law.constants,
             poisson: self.plan.law.poisson,
         };
         let refuse = |cause: SolveError| Failure::Numerics(format!("compress: {cause}"));

@@ -3,10 +3,12 @@
 //! Unknown keys are refused by serde; `validate` refuses implausible values. Paths are relative
 //! to the folder of the study file.
 
+mod law;
 mod locate;
 mod validate;
 mod wording;
 
+pub use law::{BadConstant, LawConstants, LawName, OgdenTerms};
 pub use validate::{CALIBRATED, EFFECTS, LIGAMENTS, StudyError, parse};
 
 use crate::{Vec3, labels::Side};
@@ -144,17 +146,6 @@ pub struct Record {
     pub thickness_mm: f64,
 }
 
-/// A constitutive law by name.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LawName {
-    /// Isochoric neo-Hookean (Mîra 2018, eq. 2.37).
-    #[default]
-    NeoHookean,
-    /// Gent (Mîra 2018, eq. 2.39).
-    Gent,
-}
-
 /// Tissues, supports and the effects that are switched on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -210,12 +201,14 @@ pub struct BreastPlan {
     pub poisson: f64,
     /// Jₘ of the Gent law.
     pub jm: Option<f64>,
+    /// Constants of the other laws.
+    pub constants: LawConstants,
 }
 
 impl Default for BreastPlan {
     fn default() -> Self {
-        let law = LawName::NeoHookean;
-        Self { law, young_right_kpa: 0.5, young_left_kpa: 0.5, poisson: 0.49, jm: None }
+        let (law, constants) = (LawName::NeoHookean, LawConstants::default());
+        Self { law, young_right_kpa: 0.5, young_left_kpa: 0.5, poisson: 0.49, jm: None, constants }
     }
 }
 
@@ -232,12 +225,16 @@ pub struct LayerPlan {
     pub thickness_mm: f64,
     /// Jₘ of the Gent law.
     pub jm: Option<f64>,
+    /// Constants of the other laws.
+    #[serde(default)]
+    pub constants: LawConstants,
 }
 
 impl LayerPlan {
     /// A neo-Hookean layer.
     pub fn neo_hookean(young_kpa: f64, thickness_mm: f64) -> Self {
-        Self { law: LawName::NeoHookean, young_kpa, thickness_mm, jm: None }
+        let (law, constants) = (LawName::NeoHookean, LawConstants::default());
+        Self { law, young_kpa, thickness_mm, jm: None, constants }
     }
 }
 
@@ -372,6 +369,9 @@ pub struct CompressLaw {
     pub name: LawName,
     /// Jₘ of the Gent law.
     pub jm: Option<f64>,
+    /// Constants of the other laws.
+    #[serde(default)]
+    pub constants: LawConstants,
     /// Poisson's ratio.
     #[serde(default = "compression_poisson")]
     pub poisson: f64,

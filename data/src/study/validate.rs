@@ -1,8 +1,8 @@
 //! Reads a study and refuses what cannot be meant.
 
 use super::{
-    CompressPlan, LawName, LayerPlan, MammogramPlan, ModelPlan, Pose, Stop, Study, Use,
-    locate::Places, wording,
+    CompressPlan, LawConstants, LawName, LayerPlan, MammogramPlan, ModelPlan, Pose, Stop, Study,
+    Use, locate::Places, wording,
 };
 
 /// Ligaments that the model knows.
@@ -136,7 +136,7 @@ fn model(model: &ModelPlan) -> Checked {
     modulus("model.breast.young_right_kpa", breast.young_right_kpa)?;
     modulus("model.breast.young_left_kpa", breast.young_left_kpa)?;
     poisson("model.breast.poisson", breast.poisson)?;
-    law("model.breast", breast.law, breast.jm)?;
+    law("model.breast", breast.law, breast.jm, &breast.constants)?;
     layer("model.skin", &model.skin)?;
     layer("model.fascia", &model.fascia)?;
     modulus("model.muscle.young_kpa", model.muscle.young_kpa)?;
@@ -153,7 +153,7 @@ fn model(model: &ModelPlan) -> Checked {
 fn layer(path: &str, layer: &LayerPlan) -> Checked {
     modulus(&format!("{path}.young_kpa"), layer.young_kpa)?;
     within(&format!("{path}.thickness_mm"), layer.thickness_mm, 0.001, 20.0)?;
-    law(path, layer.law, layer.jm)
+    law(path, layer.law, layer.jm, &layer.constants)
 }
 
 fn compress(plan: &CompressPlan) -> Checked {
@@ -163,7 +163,7 @@ fn compress(plan: &CompressPlan) -> Checked {
         Stop::ForceN(n) => within("compress.stop.force_n", n, 0.1, 500.0)?,
     }
     poisson("compress.law.poisson", plan.law.poisson)?;
-    law("compress.law", plan.law.name, plan.law.jm)
+    law("compress.law", plan.law.name, plan.law.jm, &plan.law.constants)
 }
 
 fn mammogram(plan: &MammogramPlan) -> Checked {
@@ -199,16 +199,8 @@ fn poisson(path: &str, ratio: f64) -> Checked {
     )
 }
 
-fn law(path: &str, law: LawName, jm: Option<f64>) -> Checked {
-    let key = format!("{path}.jm");
-    match (law, jm) {
-        (LawName::Gent, None) => refuse(key, "missing; the law \"gent\" needs jm, such as 2.0"),
-        (LawName::Gent, Some(jm)) => within(&key, jm, 0.01, 1e6),
-        (LawName::NeoHookean, Some(_)) => {
-            refuse(key, "the law \"neo_hookean\" has none; remove it or write \"gent\"")
-        }
-        (LawName::NeoHookean, None) => Ok(()),
-    }
+fn law(path: &str, law: LawName, jm: Option<f64>, constants: &LawConstants) -> Checked {
+    constants.check(law, jm).or_else(|bad| refuse(format!("{path}.{}", bad.key), bad.why))
 }
 
 fn within(path: &str, value: f64, low: f64, high: f64) -> Checked {

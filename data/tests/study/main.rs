@@ -167,6 +167,46 @@ fn missing_parts_are_named() {
 }
 
 #[test]
+fn every_law_is_accepted_with_its_constants_alone() {
+    let skin = |rest: &str| {
+        let from = "skin = { law = \"neo_hookean\"";
+        parse(&GOOD.replacen(from, &format!("skin = {{ {rest}"), 1)).map_err(|e| e.to_string())
+    };
+    for (law, constants) in [
+        ("mooney_rivlin", "{ second_share = 0.2 }"),
+        ("ogden", "{ terms = [[0.4, 2.0], [0.6, -3.5]] }"),
+        ("yeoh", "{ ratios = [-0.1, 0.2] }"),
+        ("exponential", "{ exponent = 5.0 }"),
+    ] {
+        let study = skin(&format!("law = {law:?}, constants = {constants}")).unwrap();
+        assert_eq!(study.model.skin.law.name(), law);
+        let again: Study = toml::from_str(&toml::to_string(&study).unwrap()).unwrap();
+        assert_eq!(again, study);
+        let missing = skin(&format!("law = {law:?}")).unwrap_err();
+        assert!(
+            missing.contains("model.skin.constants.") && missing.contains("needs"),
+            "{missing}"
+        );
+        let foreign = skin(&format!("law = \"linear\", constants = {constants}")).unwrap_err();
+        assert!(foreign.contains("\"linear\" has none"), "{foreign}");
+    }
+    assert!(skin("law = \"linear\"").is_ok());
+    for (law, constants, says) in [
+        ("mooney_rivlin", "{ second_share = 1.1 }", "model.skin.constants.second_share: 1.1"),
+        ("yeoh", "{ ratios = [-1.0, 0.2] }", "soften"),
+        ("yeoh", "{ ratios = [0.0, nan] }", "soften"),
+        ("ogden", "{ terms = [] }", "one to three"),
+        ("ogden", "{ terms = [[0.4, 2.0]] }", "sum to 1"),
+        ("ogden", "{ terms = [[1.0, 0.0]] }", "exponent"),
+        ("exponential", "{ exponent = nan }", "model.skin.constants.exponent"),
+        ("exponential", "{ exponents = 3.0 }", "did you mean `exponent`"),
+    ] {
+        let text = skin(&format!("law = {law:?}, constants = {constants}")).unwrap_err();
+        assert!(text.contains(says), "{text}");
+    }
+}
+
+#[test]
 fn names_that_would_leave_the_output_folder_are_refused() {
     for id in ["../x", "a/b", "", "a b", ".", "é", "a\\\\b"] {
         refused("\"dv-small-7\"", &format!("{id:?}").replace("\\\\\\\\", "\\\\"), &["subject.id"]);

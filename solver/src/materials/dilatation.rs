@@ -39,6 +39,24 @@ fn near_one(e: f64) -> Jet1 {
         df = df * e + f;
         f = f * e + coefficient;
     }
+    e_root([f, df, ddf], e)
+}
+
+/// θ = e √(1 + e² + ... + e^(2N-2)), e = J - 1, for U = ½ K Σ (J - 1)^(2k), k = 1..=N.
+pub(super) fn even_powers(j: f64, terms: usize) -> Jet1 {
+    let e = j - 1.0;
+    let (mut f, mut df, mut ddf) = (0.0, 0.0, 0.0);
+    for _ in 0..terms {
+        // f -> 1 + e² f.
+        ddf = e * e * ddf + 4.0 * e * df + 2.0 * f;
+        df = e * e * df + 2.0 * e * f;
+        f = 1.0 + e * e * f;
+    }
+    e_root([f, df, ddf], e)
+}
+
+/// e √f, from f and its two derivatives.
+fn e_root([f, df, ddf]: [f64; 3], e: f64) -> Jet1 {
     let root = f.sqrt();
     Jet1 {
         value: e * root,
@@ -50,6 +68,26 @@ fn near_one(e: f64) -> Jet1 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn even_powers_square_to_their_sum() {
+        for j in [0.3, 0.9, 1.0, 1.4, 2.5f64] {
+            let e = j - 1.0;
+            let linear = even_powers(j, 1);
+            assert_eq!((linear.value, linear.d1, linear.d2), (e, 1.0, 0.0));
+            let three = even_powers(j, 3);
+            let sum = e.powi(2) + e.powi(4) + e.powi(6);
+            let slope = 2.0 * e + 4.0 * e.powi(3) + 6.0 * e.powi(5);
+            let bend = 2.0 + 12.0 * e.powi(2) + 30.0 * e.powi(4);
+            for (got, want) in [
+                (three.value.powi(2), sum),
+                (2.0 * three.value * three.d1, slope),
+                (2.0 * (three.d1.powi(2) + three.value * three.d2), bend),
+            ] {
+                assert!((got - want).abs() < 1e-13 * (1.0 + want.abs()), "J = {j}: {got} {want}");
+            }
+        }
+    }
 
     #[test]
     fn half_the_square_is_the_volumetric_energy_and_its_derivatives() {

@@ -48,6 +48,7 @@ impl InvariantEnergy for Gent {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::materials::neo_hookean::NeoHookean;
     use crate::materials::{Material, testing};
     use mammotwin_data::Mat3;
 
@@ -64,5 +65,20 @@ mod tests {
         let f = Mat3::from_diagonal(&[2.0, 0.5f64.sqrt(), 0.5f64.sqrt()].into());
         let Err(MaterialError::Locked { strain, limit }) = FAT.stress(&f) else { panic!() };
         assert!((strain - 2.0).abs() < 1e-12 && limit == 1.0);
+    }
+
+    #[test]
+    fn has_the_stress_of_the_closed_forms() {
+        testing::check_first_invariant(&FAT, |strain| FAT.shear_kpa / (1.0 - strain / FAT.limit));
+    }
+
+    #[test]
+    fn is_neo_hookean_without_a_limit() {
+        // Of the same volume: their volumetric parts differ.
+        let f = testing::moderate() / testing::moderate().determinant().cbrt();
+        let limit = NeoHookean { shear_kpa: FAT.shear_kpa, bulk_kpa: FAT.bulk_kpa };
+        let law = Gent { limit: 1e9, ..FAT };
+        let (one, two) = (law.stress(&f).unwrap(), limit.stress(&f).unwrap());
+        assert!((one - two).norm() < 1e-8 * two.norm(), "{one}{two}");
     }
 }

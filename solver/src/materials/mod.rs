@@ -4,20 +4,30 @@
 //! [`testing::check`] in its tests and has a variant in [`Law`]; stress and tangent are derived
 //! here, once, for all.
 //!
-//! ψ(F) = w(I₁, J) + ½ K θ(J)², with I₁ = tr FᵀF and J = det F. Writing the volumetric energy as
-//! a square of a *dilatation* θ loses nothing (θ = ± √(2U/K) is smooth, since U has a double root
-//! at J = 1) and lets the mixed tetrahedron keep one constant compliance for every law.
+//! ψ(F) = w(I₁, J) + v(λ₁, λ₂, λ₃) + ½ K θ(J)², with I₁ = tr FᵀF, J = det F and the principal
+//! stretches λᵢ. Most laws have the quick w alone; those that need another invariant or the
+//! stretches themselves have v alone. Writing the volumetric energy as a square of a *dilatation*
+//! θ loses nothing (θ = ± √(2U/K) is smooth, since U has a double root at J = 1) and lets the
+//! mixed tetrahedron keep one constant compliance for every law.
 
 mod dilatation;
+pub mod exponential;
 pub mod gent;
+pub mod gent_coupled;
 mod law;
+pub mod linear;
+pub mod mooney_rivlin;
 pub mod neo_hookean;
 pub mod neo_hookean_coupled;
+pub mod ogden;
+pub mod stretches;
 pub mod testing;
+pub mod yeoh;
 
 pub use law::{Law, LawError};
 
 use mammotwin_data::Mat3;
+use stretches::{Principal, Stiffness, StretchEnergy};
 
 /// Why a material has no answer at some deformation. The solver shortens its step on either.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -66,13 +76,19 @@ pub struct Jet1 {
     pub d2: f64,
 }
 
-/// An isotropic energy ψ = w(I₁, J) + ½ K θ(J)², per rest volume, in kPa.
+/// An isotropic energy ψ = w(I₁, J) + v(λ₁, λ₂, λ₃) + ½ K θ(J)², per rest volume, in kPa.
 pub trait InvariantEnergy {
-    /// w(I₁, J), everything that is not volumetric. J > 0.
+    /// w(I₁, J), what is not volumetric. J > 0.
     ///
     /// # Errors
     /// [`MaterialError::Locked`] beyond a limiting stretch.
-    fn distortion(&self, i1: f64, j: f64) -> Result<Jet2, MaterialError>;
+    fn distortion(&self, _i1: f64, _j: f64) -> Result<Jet2, MaterialError> {
+        Ok(Jet2::default())
+    }
+    /// v, for the laws that have one.
+    fn stretch_energy(&self) -> Option<&dyn StretchEnergy> {
+        None
+    }
     /// θ(J), with θ(1) = 0 and θ'(1) = 1. J > 0.
     fn dilatation(&self, j: f64) -> Jet1;
     /// Initial shear modulus (kPa).
@@ -139,18 +155,36 @@ pub fn jacobian(f: &Mat3) -> Result<f64, MaterialError> {
     if j > 0.0 { Ok(j) } else { Err(MaterialError::Inverted { j }) }
 }
 
+/// Principal stretches and directions of F, whose determinant `j` is positive.
+///
+/// # Errors
+/// [`MaterialError::Inverted`] for numbers that overflow.
+pub fn principal(f: &Mat3, j: f64) -> Result<Principal, MaterialError> {
+    Principal::of(f).ok_or(MaterialError::Inverted { j })
+}
+
 impl<T: InvariantEnergy> Material for T {
     fn energy(&self, f: &Mat3) -> Result<f64, MaterialError> {
         let j = jacobian(f)?;
         let theta = self.dilatation(j).value;
-        Ok(self.distortion(f.norm_squared(), j)?.w + 0.5 * self.volumetric_kpa() * theta * theta)
+        let mut energy =
+            self.distortion(f.norm_squared(), j)?.w + 0.5 * self.volumetric_kpa() * theta * theta;
+        if let Some(law) = self.stretch_energy() {
+            energy += law.of_stretches(&principal(f, j)?.stretches).value;
+        }
+        Ok(energy)
     }
 
     fn stress(&self, f: &Mat3) -> Result<Mat3, MaterialError> {
         let j = jacobian(f)?;
         let (w, theta) = (self.distortion(f.norm_squared(), j)?, self.dilatation(j));
         let by_j = w.wj + self.volumetric_kpa() * theta.value * theta.d1;
-        Ok(2.0 * w.w1 * f + by_j * cofactor(f))
+        let mut stress = 2.0 * w.w1 * f + by_j * cofactor(f);
+        if let Some(law) = self.stretch_energy() {
+            let principal = principal(f, j)?;
+            stress += principal.tensor(&law.of_stretches(&principal.stretches).d1);
+        }
+        Ok(stress)
     }
 
     fn tangent(&self, f: &Mat3, df: &Mat3) -> Result<Mat3, MaterialError> {
@@ -163,9 +197,15 @@ impl<T: InvariantEnergy> Material for T {
         let (d1, dj) = (2.0 * f.dot(df), cof.dot(df));
         // The cofactor is quadratic in F, hence its derivative is this polar form.
         let dcof = cofactor(&(f + df)) - cof - cofactor(df);
-        Ok(2.0 * w.w1 * df
+        let mut change = 2.0 * w.w1 * df
             + 2.0 * (w.w11 * d1 + w.w1j * dj) * f
             + (w.w1j * d1 + by_jj * dj) * cof
-            + by_j * dcof)
+            + by_j * dcof;
+        if let Some(law) = self.stretch_energy() {
+            let principal = principal(f, j)?;
+            let jet = law.of_stretches(&principal.stretches);
+            change += Stiffness::new(&principal, &jet).tangent(df);
+        }
+        Ok(change)
     }
 }

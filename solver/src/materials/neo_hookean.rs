@@ -41,4 +41,10 @@ mod tests {
     fn obeys_the_laws_of_every_material() {
         testing::check(&NeoHookean { shear_kpa: 0.1678, bulk_kpa: 8.33 }, 0.1678, 8.33);
     }
+
+    #[test]
+    fn has_the_stress_of_the_closed_forms() {
+        let law = NeoHookean { shear_kpa: 0.1678, bulk_kpa: 8.33 };
+        testing::check_first_invariant(&law, |_| law.shear_kpa);
+    }
 }

@@ -51,4 +51,10 @@ mod tests {
         let tissue = NeoHookeanCoupled { shear_kpa: 0.1678, lambda_kpa: 8.221 };
         testing::check(&tissue, 0.1678, 8.221 + 2.0 / 3.0 * 0.1678);
     }
+
+    #[test]
+    fn has_the_stress_of_the_closed_forms() {
+        let law = NeoHookeanCoupled { shear_kpa: 0.1678, lambda_kpa: 8.221 };
+        testing::check_first_invariant(&law, |_| law.shear_kpa);
+    }
 }

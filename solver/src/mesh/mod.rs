@@ -13,6 +13,7 @@ mod flip;
 pub mod improve;
 pub mod lattice;
 pub mod locate;
+pub mod quadratic;
 pub mod quality;
 mod smooth;
 pub mod tetrahedralize;

@@ -13,8 +13,9 @@
 //! the bulk stiffness is a multiple of μ, not of K: it keeps very soft tissue from collapsing
 //! between pressure nodes without bringing back the locking.
 
+use super::solid::Point;
 use super::{At, Block, Order, Term};
-use crate::materials::{InvariantEnergy, Law, Material, MaterialError, cofactor, jacobian};
+use crate::materials::{InvariantEnergy, Law, Material, MaterialError};
 use crate::model::ModelError;
 use mammotwin_data::{Mat3, Vec3, mesh::TetMesh, solution::Solution};
 use nalgebra::{Matrix4, SMatrix};
@@ -79,11 +80,9 @@ impl Bulk {
         (OWN_SHARE * law.shear_kpa()).min(LARGEST_SHARE * law.volumetric_kpa())
     }
 
-    /// Pressure (kPa, positive in tension) that works against dθ: the mean of the nodal
-    /// pressures and the element's own share.
-    fn tension(&self, element: usize, theta: f64, pressure: &[f64]) -> f64 {
-        let nodal: f64 = self.tets[element].iter().map(|&n| pressure[n as usize]).sum();
-        0.25 * nodal + self.share(element) * theta
+    /// Mean of the nodal pressures (kPa, positive in tension).
+    fn pressure(&self, element: usize, pressure: &[f64]) -> f64 {
+        0.25 * self.tets[element].iter().map(|&n| pressure[n as usize]).sum::<f64>()
     }
 }
 
@@ -107,43 +106,23 @@ impl Term for Bulk {
         order: Order,
         block: &mut Block,
     ) -> Result<(), MaterialError> {
-        let (law, volume) = (&self.laws[element], self.volumes[element]);
+        let volume = self.volumes[element];
         let f = self.deformation(element, at.points);
-        let j = jacobian(&f)?;
-        let w = law.distortion(f.norm_squared(), j)?;
-        let theta = law.dilatation(j);
-        let share = self.share(element);
-        block.energy = volume * (w.w + 0.5 * share * theta.value * theta.value);
-        block.dilatation = 0.25 * volume * theta.value;
-        if order == Order::Value {
-            return Ok(());
-        }
-        let tension = self.tension(element, theta.value, at.pressure);
-        let by_j = w.wj + tension * theta.d1;
-        let gradients = &self.gradients[element];
-        let cof = cofactor(&f);
-        let along_f = gradients.map(|g| f * g);
-        let along_j = gradients.map(|g| cof * g);
-        for n in 0..4 {
-            block.gradient[n] = volume * (2.0 * w.w1 * along_f[n] + by_j * along_j[n]);
-            block.dilatation_gradient[n] = 0.25 * volume * theta.d1 * along_j[n];
-        }
-        if order == Order::Gradient {
-            return Ok(());
-        }
-        let by_jj = w.wjj + share * theta.d1 * theta.d1 + tension * theta.d2;
-        for a in 0..4 {
-            // Both columns of the outer products, scaled once.
-            let left_f = volume * (4.0 * w.w11 * along_f[a] + 2.0 * w.w1j * along_j[a]);
-            let left_j = volume * (2.0 * w.w1j * along_f[a] + by_jj * along_j[a]);
-            for b in 0..=a {
-                let stretch = 2.0 * volume * w.w1 * gradients[a].dot(&gradients[b]);
-                let turn = volume * by_j * (f * gradients[a].cross(&gradients[b]));
-                block.hessian[a][b] = left_f * along_f[b].transpose()
-                    + left_j * along_j[b].transpose()
-                    + Mat3::from_diagonal_element(stretch)
-                    - turn.cross_matrix();
-            }
+        let point = Point {
+            law: &self.laws[element],
+            volume,
+            gradients: &self.gradients[element],
+            share_kpa: self.share(element),
+            pressure_kpa: if order == Order::Value {
+                0.0
+            } else {
+                self.pressure(element, at.pressure)
+            },
+        };
+        let dilated = point.add(&f, order, block)?;
+        block.dilatation = 0.25 * volume * dilated.theta;
+        if order >= Order::Gradient {
+            block.dilatation_gradient = dilated.gradient.map(|g| 0.25 * volume * g);
         }
         Ok(())
     }
@@ -187,8 +166,8 @@ impl Term for Bulk {
             let j = f.determinant();
             let theta = law.dilatation(j);
             // The law's own volumetric stress makes room for the mixed one.
-            let extra = self.tension(element, theta.value, at.pressure)
-                - law.volumetric_kpa() * theta.value;
+            let extra = self.pressure(element, at.pressure)
+                + (self.share(element) - law.volumetric_kpa()) * theta.value;
             let stress = law.stress(&f).unwrap_or_else(|_| Mat3::repeat(f64::NAN));
             let cauchy = stress * f.transpose() / j + Mat3::from_diagonal_element(extra * theta.d1);
             let weight = self.volumes[element];

@@ -1,10 +1,12 @@
 //! Weight of the tissue.
 
-use super::{At, Block, Load, Order, Term};
+use super::{At, Block, Load, Order, Term, quadratic};
 use crate::materials::MaterialError;
+use crate::mesh::quadratic::QuadraticMesh;
+use crate::model::ModelError;
 use mammotwin_data::{Vec3, mesh::TetMesh, units::WEIGHT_OF_G_PER_CM3};
 
-/// A body force of constant direction, on the rest mass of the tetrahedra.
+/// A body force of constant direction, on the rest mass of the tissue.
 #[derive(Debug, Clone)]
 pub struct Gravity {
     name: String,
@@ -27,12 +29,26 @@ impl Gravity {
                 weights[n as usize] += quarter * force;
             }
         }
-        Self {
-            name: name.into(),
-            nodes: (0..weights.len() as u32).collect(),
-            weights,
-            rest: mesh.points.clone(),
-        }
+        Self::of_weights(name, weights, &mesh.points)
+    }
+
+    /// The same for ten-node tetrahedra.
+    ///
+    /// # Errors
+    /// A tetrahedron that is turned inside out.
+    pub fn quadratic(
+        name: &str,
+        mesh: &QuadraticMesh,
+        density_g_per_cm3: f64,
+        direction: Vec3,
+    ) -> Result<Self, ModelError> {
+        let force = density_g_per_cm3 * WEIGHT_OF_G_PER_CM3 * direction;
+        Ok(Self::of_weights(name, quadratic::nodal_weights(mesh, force)?, &mesh.points))
+    }
+
+    fn of_weights(name: &str, weights: Vec<Vec3>, rest: &[Vec3]) -> Self {
+        let nodes = (0..weights.len() as u32).collect();
+        Self { name: name.into(), nodes, weights, rest: rest.to_vec() }
     }
 
     fn force(&self, element: usize, load: &Load) -> Vec3 {

@@ -1,6 +1,6 @@
 //! Energy terms: each physical effect is one term, and equilibrium is the minimum of their sum.
 //!
-//! A term is a list of *elements* that touch one to four nodes each. It gives the energy of an
+//! A term is a list of *elements* that touch one to ten nodes each. It gives the energy of an
 //! element with its derivatives with respect to the node positions; the model sums them. A term
 //! of nearly incompressible tissue gives its dilatation besides (see [`bulk`]).
 
@@ -10,7 +10,12 @@ pub mod gravity;
 pub mod grid_distance;
 pub mod membrane;
 pub mod plate;
+pub mod quadratic;
+pub mod quadratic_membrane;
+mod sheet;
 pub mod sliding;
+mod solid;
+mod stretched;
 pub mod target;
 pub mod testing;
 #[cfg(test)]
@@ -21,6 +26,8 @@ pub use cable::{Cable, Cables};
 pub use gravity::Gravity;
 pub use grid_distance::GridDistance;
 pub use membrane::Membrane;
+pub use quadratic::QuadraticBulk;
+pub use quadratic_membrane::QuadraticMembrane;
 pub use sliding::Sliding;
 pub use target::Target;
 
@@ -91,30 +98,61 @@ pub enum Order {
     Hessian,
 }
 
-/// Energy of one element and its derivatives, for up to four nodes.
+/// Most nodes of an element.
+const MOST_NODES: usize = 10;
+
+/// Energy of one element and its derivatives, for up to ten nodes.
 #[derive(Debug, Clone, Copy)]
 pub struct Block {
     /// Energy (µJ).
     pub energy: f64,
     /// ∂energy/∂position (mN), by node.
-    pub gradient: [Vec3; 4],
-    /// Second derivatives (mN/mm); only blocks with column <= row are set.
-    pub hessian: [[Mat3; 4]; 4],
+    pub gradient: [Vec3; MOST_NODES],
+    /// Second derivatives (mN/mm).
+    pub hessian: Triangle,
     /// ∫ θ N dV of each node (mm³): the same for all nodes of a linear tetrahedron.
     pub dilatation: f64,
     /// ∂dilatation/∂position (mm²).
     pub dilatation_gradient: [Vec3; 4],
 }
 
+/// The blocks of a symmetric matrix with column <= row, row after row: `triangle[row][column]`.
+#[derive(Debug, Clone, Copy)]
+pub struct Triangle([Mat3; MOST_NODES * (MOST_NODES + 1) / 2]);
+
+impl std::ops::Index<usize> for Triangle {
+    type Output = [Mat3];
+
+    #[inline]
+    fn index(&self, row: usize) -> &[Mat3] {
+        &self.0[row * (row + 1) / 2..][..=row]
+    }
+}
+
+impl std::ops::IndexMut<usize> for Triangle {
+    #[inline]
+    fn index_mut(&mut self, row: usize) -> &mut [Mat3] {
+        &mut self.0[row * (row + 1) / 2..][..=row]
+    }
+}
+
 impl Block {
     /// All zero.
     pub const ZERO: Self = Self {
         energy: 0.0,
-        gradient: [ZERO3; 4],
-        hessian: [[ZERO33; 4]; 4],
+        gradient: [ZERO3; MOST_NODES],
+        hessian: Triangle([ZERO33; MOST_NODES * (MOST_NODES + 1) / 2]),
         dilatation: 0.0,
         dilatation_gradient: [ZERO3; 4],
     };
+
+    /// Makes the part zero that an element of `nodes` nodes uses.
+    pub fn clear(&mut self, nodes: usize) {
+        (self.energy, self.dilatation) = (0.0, 0.0);
+        self.gradient[..nodes].fill(ZERO3);
+        self.hessian.0[..nodes * (nodes + 1) / 2].fill(ZERO33);
+        self.dilatation_gradient = [ZERO3; 4];
+    }
 }
 
 const ZERO3: Vec3 = Vec3::new(0.0, 0.0, 0.0);
@@ -156,7 +194,7 @@ pub trait Term: Send + Sync {
     /// Number of elements.
     fn elements(&self) -> usize;
 
-    /// Nodes that an element touches, one to four.
+    /// Nodes that an element touches, one to ten.
     fn nodes(&self, element: usize) -> &[u32];
 
     /// Energy of an element and its derivatives up to `order`. `block` comes zeroed.

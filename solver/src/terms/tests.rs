@@ -1,13 +1,21 @@
 //! Every term against finite differences.
 
 use super::plate::{Plate, PlateKind};
+use super::quadratic::{self, Rule};
 use super::{
-    At, Bulk, Cable, Cables, Gravity, Load, Membrane, Sliding, Term as _, target::Cylinder, testing,
+    At, Bulk, Cable, Cables, Curvature, Gravity, Load, Membrane, QuadraticBulk, QuadraticMembrane,
+    Sliding, Term as _, target::Cylinder, testing,
 };
 use crate::materials::Law;
+use crate::mesh::quadratic::QuadraticMesh;
 use crate::paddles::RoundedPlate;
-use mammotwin_data::{Vec3, labels::Tissue, mesh::TetMesh, study::LawName};
-use std::sync::Arc;
+use mammotwin_data::{
+    Vec3,
+    labels::Tissue,
+    mesh::{Patch, TetMesh},
+    study::{LawConstants, LawName},
+};
+use std::{collections::BTreeMap, sync::Arc};
 
 /// Two tetrahedra on a common face, one of them crooked.
 fn pair() -> TetMesh {
@@ -22,7 +30,7 @@ fn pair() -> TetMesh {
         points,
         tets: vec![[0, 1, 2, 3], [1, 4, 2, 3]],
         tissues: vec![Tissue::AdiposeLeft; 2],
-        ..TetMesh::default()
+        patches: BTreeMap::from([(Patch::Skin, vec![[0, 1, 3], [1, 4, 3]])]),
     }
 }
 
@@ -31,11 +39,14 @@ fn moved(mesh: &TetMesh) -> Vec<Vec3> {
     mesh.points.iter().enumerate().map(|(n, p)| 1.02 * p + shift(n as f64)).collect()
 }
 
-fn laws() -> [Law; 3] {
+fn laws() -> [Law; 5] {
+    let second = LawConstants { second_share: Some(0.3), ..LawConstants::default() };
     [
         Law::new(LawName::NeoHookean, 0.5, 0.49, None).unwrap(),
         Law::new(LawName::Gent, 0.5, 0.49, Some(2.0)).unwrap(),
         Law::neo_hookean_coupled(0.5, 0.49).unwrap(),
+        Law::with_constants(LawName::MooneyRivlin, 0.5, 0.49, None, &second).unwrap(),
+        Law::new(LawName::Linear, 0.5, 0.49, None).unwrap(),
     ]
 }
 
@@ -67,6 +78,55 @@ fn membrane() {
         let skin = Membrane::uniform("skin", &mesh.points, &faces, 2.0, law).unwrap();
         check(&skin, &moved(&mesh));
     }
+}
+
+/// The pair with curved edges.
+fn quadratic() -> QuadraticMesh {
+    let mut mesh = QuadraticMesh::new(&pair());
+    for (n, point) in mesh.points.iter_mut().enumerate().skip(5) {
+        *point += 0.3 * Vec3::new((2.0 * n as f64).sin(), (3.0 * n as f64).cos(), 0.5);
+    }
+    mesh
+}
+
+#[test]
+fn quadratic_bulk_and_membrane() {
+    let mesh = quadratic();
+    let shift = |n: f64| 0.2 * Vec3::new((1.3 * n).sin(), (2.1 * n).cos(), (0.7 * n + 1.0).sin());
+    let points: Vec<Vec3> =
+        mesh.points.iter().enumerate().map(|(n, p)| 1.02 * p + shift(n as f64)).collect();
+    let (load, curvature) = (Load::GRAVITY, Curvature::Exact);
+    let at = At { points: &points, pressure: &[], memory: &[], shear_kpa: &[], load, curvature };
+    let faces: Vec<[u32; 6]> = mesh.patches.values().flatten().copied().collect();
+    for law in laws() {
+        let bulk = QuadraticBulk::new("bulk", &mesh, vec![law; 2], Rule::Fourteen).unwrap();
+        testing::check(&bulk, &at);
+        let skin = QuadraticMembrane::uniform("skin", &mesh.points, &faces, 2.0, law).unwrap();
+        testing::check(&skin, &at);
+    }
+}
+
+#[test]
+fn quadratic_weights_do_the_work_of_a_body_force() {
+    // The work of a linear and of a quadratic motion; exact on straight edges.
+    let mesh = QuadraticMesh::new(&pair());
+    let force = Vec3::new(0.3, -0.5, 0.9);
+    let weights = quadratic::nodal_weights(&mesh, force).unwrap();
+    let sum = |motion: &dyn Fn(&Vec3) -> f64| -> Vec3 {
+        weights.iter().zip(&mesh.points).map(|(w, p)| motion(p) * w).sum()
+    };
+    let (mut volume, mut first, mut second) = (0.0, 0.0, 0.0);
+    for tet in &pair().tets {
+        let v = TetMesh::tet_volume(&mesh.points, tet);
+        let z = tet.map(|n| mesh.points[n as usize].z);
+        let total: f64 = z.iter().sum();
+        volume += v;
+        first += v * total / 4.0;
+        second += v * (total * total + z.iter().map(|z| z * z).sum::<f64>()) / 20.0;
+    }
+    assert!((sum(&|_| 1.0) - volume * force).norm() < 1e-11 * volume);
+    assert!((sum(&|p| p.z) - first * force).norm() < 1e-11 * first);
+    assert!((sum(&|p| p.z * p.z) - second * force).norm() < 1e-11 * second);
 }
 
 #[test]

@@ -5,6 +5,9 @@
 
 #![allow(dead_code)]
 
+pub mod loads;
+pub mod shapes;
+
 use mammotwin_data::{Vec3, labels::Tissue, mesh::Patch, mesh::TetMesh};
 use std::collections::BTreeMap;
 
@@ -47,4 +50,19 @@ fn read(bytes: &[u8]) -> Body {
         rim: (0..rim).map(|_| next()).collect(),
         nipple,
     }
+}
+
+/// How rough a nodal field is: mean square difference of neighbours over the variance. A field
+/// that is smooth over the mesh has less the finer the mesh is; a checkerboard has 2 or more.
+pub fn roughness(mesh: &TetMesh, field: &[f64]) -> f64 {
+    let (mut sum, mut pairs) = (0.0, 0.0);
+    for tet in &mesh.tets {
+        for [a, b] in [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]] {
+            sum += (field[tet[a] as usize] - field[tet[b] as usize]).powi(2);
+            pairs += 1.0;
+        }
+    }
+    let mean = field.iter().sum::<f64>() / field.len() as f64;
+    let variance = field.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / field.len() as f64;
+    sum / pairs / variance
 }

@@ -15,7 +15,7 @@ use mammotwin_data::{
     Failure, Vec3,
     labels::{Side, Tissue},
     mesh::{Patch, TetMesh},
-    study::{InterfaceKind, LawName, ModelPlan},
+    study::{InterfaceKind, LawConstants, LawName, ModelPlan},
 };
 use mammotwin_solver::{
     materials::Law,
@@ -56,6 +56,8 @@ pub struct LawOverride {
     pub name: LawName,
     /// Jₘ of the Gent law.
     pub jm: Option<f64>,
+    /// Constants of the other laws.
+    pub constants: LawConstants,
     /// Poisson's ratio.
     pub poisson: f64,
 }
@@ -97,10 +99,12 @@ impl<'a> Body<'a> {
         let breast = law.unwrap_or(LawOverride {
             name: plan.breast.law,
             jm: plan.breast.jm,
+            constants: plan.breast.constants,
             poisson: plan.breast.poisson,
         });
         let bulk = |young_kpa: f64| {
-            Law::new(breast.name, young_kpa, breast.poisson, breast.jm).map_err(|c| refuse(&c))
+            let LawOverride { name, jm, constants, poisson } = breast;
+            Law::with_constants(name, young_kpa, poisson, jm, &constants).map_err(|c| refuse(&c))
         };
         let (right, left) = (bulk(moduli.right_kpa)?, bulk(moduli.left_kpa)?);
         let is_right = |t: &Tissue| matches!(t, Tissue::AdiposeRight | Tissue::FibroglandularRight);
@@ -114,9 +118,10 @@ impl<'a> Body<'a> {
         for (name, layer, patch) in
             [("skin", &plan.skin, Patch::Skin), ("fascia", &plan.fascia, Patch::ChestWall)]
         {
-            let (kind, jm) = law.map_or((layer.law, layer.jm), |l| (l.name, l.jm));
-            let law =
-                Law::new(kind, layer.young_kpa, MEMBRANE_POISSON, jm).map_err(|c| refuse(&c))?;
+            let own = (layer.law, layer.jm, layer.constants);
+            let (kind, jm, constants) = law.map_or(own, |l| (l.name, l.jm, l.constants));
+            let law = Law::with_constants(kind, layer.young_kpa, MEMBRANE_POISSON, jm, &constants)
+                .map_err(|c| refuse(&c))?;
             let faces = self.mesh.patch(patch);
             let thickness = vec![layer.thickness_mm; faces.len()];
             let laws = vec![law; faces.len()];
