@@ -243,7 +243,11 @@ impl Assembly {
             let evaluate = |element: usize, block: &mut Block| {
                 block.clear(term.nodes(element).len());
                 let at = At { curvature, ..state.at(index) };
-                term.block(element, &at, Order::Hessian, block)
+                term.block(element, &at, Order::Hessian, block)?;
+                if curvature == Curvature::Projected {
+                    block.project(term.nodes(element).len());
+                }
+                Ok(())
             };
             for first in (0..term.elements()).step_by(CHUNK) {
                 let size = CHUNK.min(term.elements() - first);

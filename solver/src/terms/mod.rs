@@ -33,7 +33,7 @@ pub use target::Target;
 
 use crate::materials::MaterialError;
 use mammotwin_data::{Mat3, Vec3, solution::Solution};
-use nalgebra::SMatrix;
+use nalgebra::{DMatrix, SMatrix};
 
 /// What is switched on, and how far, at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,6 +85,8 @@ pub enum Curvature {
     Exact,
     /// Contacts leave out what makes them unstable: the curvature of a target that is pressed on.
     Convex,
+    /// As `Convex`, and every element without its negative eigenvalues.
+    Projected,
 }
 
 /// How much of a block is wanted; each order includes the ones before.
@@ -145,6 +147,30 @@ impl Block {
         dilatation: 0.0,
         dilatation_gradient: [ZERO3; 4],
     };
+
+    /// Makes the second derivatives between `nodes` nodes positive semi-definite by raising negative
+    /// eigenvalues to zero.
+    pub fn project(&mut self, nodes: usize) {
+        let whole = DMatrix::from_fn(3 * nodes, 3 * nodes, |r, c| {
+            let (r, c) = if r >= c { (r, c) } else { (c, r) };
+            self.hessian[r / 3][c / 3][(r % 3, c % 3)]
+        });
+        // An eigenvalue iteration would not end on a NaN.
+        if !whole.iter().all(|v| v.is_finite()) {
+            return;
+        }
+        let mut eigen = whole.symmetric_eigen();
+        if eigen.eigenvalues.min() >= 0.0 {
+            return;
+        }
+        eigen.eigenvalues.apply(|v| *v = v.max(0.0));
+        let whole = eigen.recompose();
+        for a in 0..nodes {
+            for b in 0..=a {
+                self.hessian[a][b] = whole.fixed_view::<3, 3>(3 * a, 3 * b).into_owned();
+            }
+        }
+    }
 
     /// Makes the part zero that an element of `nodes` nodes uses.
     pub fn clear(&mut self, nodes: usize) {

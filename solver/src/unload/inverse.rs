@@ -38,8 +38,9 @@ const MAX_FORCED: usize = 4;
 const NEAR_MM: f64 = 0.5;
 const ON_THE_WAY_MM: f64 = 0.1;
 const SMALLEST_PART: f64 = 1.0 / 16.0;
-/// Shares of the convex stiffness that are tried, the first where the loaded body is stable.
-const SHIFTS: [f64; 6] = [0.0, 0.1, 1.0, 10.0, 100.0, 1000.0];
+/// Shares of the convex stiffness that are tried: the first where the loaded body is stable, the
+/// others with the stiffness made convex element by element.
+const SHIFTS: [f64; 6] = [0.0, 0.0, 0.01, 0.1, 1.0, 10.0];
 
 /// What the search did.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -187,7 +188,7 @@ impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B>
         let mut gradient = Vec::new();
         let (mut factored, mut stable) = (false, false);
         for (round, shift) in SHIFTS.into_iter().enumerate() {
-            let curvature = if round == 0 { Curvature::Exact } else { Curvature::Convex };
+            let curvature = if round == 0 { Curvature::Exact } else { Curvature::Projected };
             self.assembly
                 .newton_system(model, &self.state, curvature, &mut gradient, &mut self.values)
                 .ok()?;
