@@ -1,0 +1,135 @@
+//! The whole graph on the tiny volunteer, from outside: what is computed again, and with which bits.
+
+#![allow(clippy::unwrap_used)] // a test may fail at once
+
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+    thread,
+    time::Duration,
+};
+
+fn mammotwin(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_mammotwin"));
+    command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// Runs the program and returns what it printed.
+#[track_caller]
+fn printed(arguments: &[&str]) -> String {
+    let output = mammotwin(arguments).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Runs a study; returns how many stages were computed.
+#[track_caller]
+fn computed(study: &Path, threads: &str) -> usize {
+    let text = printed(&["run", study.to_str().unwrap(), "--threads", threads]);
+    let line = text.lines().find(|line| line.ends_with("stages computed")).unwrap();
+    line.split(' ').next().unwrap().parse().unwrap()
+}
+
+/// What `run --dry-run` would compute for sure.
+fn planned(study: &Path) -> Vec<String> {
+    let text = printed(&["run", study.to_str().unwrap(), "--dry-run"]);
+    let lines = text.lines().filter(|line| !line.ends_with("  reuse"));
+    lines.filter_map(|line| line.split_whitespace().next()).map(str::to_owned).collect()
+}
+
+/// All results of a run, by their place; records and locks hold times, and are left out.
+fn results(out: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![out.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            let name = path.file_name().unwrap().to_string_lossy().into_owned();
+            if path.is_dir() {
+                folders.push(path);
+            } else if name.starts_with("result") || name.ends_with(".png") {
+                let bytes = fs::read(&path).unwrap();
+                found.insert(path.strip_prefix(out).unwrap().to_owned(), bytes);
+            }
+        }
+    }
+    found
+}
+
+#[track_caller]
+fn same(a: &Path, b: &Path) {
+    let (a, b) = (results(a), results(b));
+    assert!(a.len() > 20, "{:?}", a.keys());
+    assert_eq!(a.keys().collect::<Vec<_>>(), b.keys().collect::<Vec<_>>());
+    let differ: Vec<_> = a.iter().filter(|(path, bytes)| b[*path] != **bytes).collect();
+    assert!(differ.is_empty(), "{:?}", differ.iter().map(|(path, _)| path).collect::<Vec<_>>());
+}
+
+/// Copies the inputs of a study, without its results.
+fn copy_inputs(from: &Path, to: &Path) {
+    fs::create_dir(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_file() {
+            fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
+        }
+    }
+}
+
+#[test]
+fn the_tiny_volunteer_runs_again_only_where_it_must_and_to_the_same_bits() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let volunteer = at("volunteer");
+    printed(&["synth", "--preset", "tiny", "--seed", "7", "--out", volunteer.to_str().unwrap()]);
+    // Three poses suffice here.
+    let text = fs::read_to_string(volunteer.join("study.toml")).unwrap();
+    let (before, after) = text.split_once("[poses.upright]").unwrap();
+    let after = &after[after.find("[model]").unwrap()..];
+    let text = format!("{before}{after}");
+    fs::write(volunteer.join("study.toml"), &text).unwrap();
+    let [killed, two] = ["killed", "two threads"].map(at);
+    copy_inputs(&volunteer, &killed);
+    copy_inputs(&volunteer, &two);
+
+    // One thread; then all is there.
+    let study = volunteer.join("study.toml");
+    let stages = computed(&study, "1");
+    assert!(stages > 20, "{stages}");
+    assert_eq!(computed(&study, "2"), 0);
+
+    // Two threads, killed on the way and run again, from another folder: the same bits.
+    let mut child = mammotwin(&["run", killed.join("study.toml").to_str().unwrap()])
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    thread::sleep(Duration::from_secs(8));
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let left = computed(&killed.join("study.toml"), "2");
+    assert!(left > 0 && left < stages, "{left} of {stages}: killed too early or too late");
+    same(&volunteer.join("out"), &killed.join("out"));
+
+    // A moved folder computes nothing.
+    fs::remove_dir_all(&two).unwrap();
+    fs::rename(&killed, &two).unwrap();
+    assert_eq!(computed(&two.join("study.toml"), "1"), 0);
+
+    // One number of the compression: compression and what follows it, nothing before.
+    let (old, new) = ("chest_wall_distance_mm = 15", "chest_wall_distance_mm = 16");
+    assert!(text.contains(old));
+    fs::write(&study, text.replace(old, new)).unwrap();
+    let planned = planned(&study);
+    assert_eq!(planned[0], "compress", "{planned:?}");
+    let before = ["segment", "surface", "register", "mesh", "calibrate", "validate"];
+    let of = |name: &String| before.iter().any(|stage| name.starts_with(stage));
+    assert!(!planned.iter().any(of), "{planned:?}");
+    assert_eq!(computed(&study, "2"), planned.len());
+    // And back again: all is still there.
+    fs::write(&study, &text).unwrap();
+    assert_eq!(computed(&study, "2"), 0);
+}
