@@ -13,12 +13,13 @@ use mammotwin_data::{
 use mammotwin_imaging::mri::distance_field::{FieldPlan, distance_field};
 use mammotwin_solver::{
     mesh::{
-        domain::{Domain, PatchDistances},
+        domain::{Domain, PatchDistances, difference_gradient},
         quality::{Quality, quality},
         tetrahedralize::{Meshing, tetrahedralize},
     },
     terms::{GridDistance, Target},
 };
+use rayon::prelude::*;
 use serde::Serialize;
 use std::path::Path;
 
@@ -26,6 +27,9 @@ use std::path::Path;
 const WALL_SPACING_MM: f64 = 3.0;
 /// Spacing (mm) of the skin's distance field.
 const SKIN_SPACING_MM: f64 = 2.0;
+/// Skin and fat in front of the chest wall are at least so many elements thick: thinner ones would
+/// fall apart.
+const THINNEST_COVER: f64 = 0.75;
 /// Layers with fewer breast voxels than this share of the fullest layer do not count as breast.
 const THIN_LAYER: f64 = 0.1;
 
@@ -151,8 +155,9 @@ struct BreastDomain {
     bounds: (Vec3, Vec3),
 }
 
-impl Domain for BreastDomain {
-    fn distances(&self, p: &Vec3) -> PatchDistances {
+impl BreastDomain {
+    /// Distances to the planes of the breast limits.
+    fn planes(&self, p: &Vec3) -> PatchDistances {
         let lateral = self.limits.lateral_mm - p.y;
         let right = p.x > self.limits.sternum_mm;
         let [near, far] = if right {
@@ -161,18 +166,55 @@ impl Domain for BreastDomain {
             [Patch::LateralLeft, Patch::LateralRight]
         };
         PatchDistances::none()
-            .with(Patch::Skin, self.skin.distance(p).0)
-            .with(Patch::ChestWall, -self.wall.distance(p).0)
             .with(Patch::Superior, p.z - self.limits.superior_mm)
             .with(Patch::Inferior, self.limits.inferior_mm - p.z)
             .with(near, lateral)
             // Both sides share one plane: the other side's half of it is out of reach.
             .with(far, lateral - (p.x - self.limits.sternum_mm).abs())
     }
+}
+
+impl Domain for BreastDomain {
+    fn distances(&self, p: &Vec3) -> PatchDistances {
+        self.planes(p)
+            .with(Patch::Skin, self.distance(p, Patch::Skin))
+            .with(Patch::ChestWall, self.distance(p, Patch::ChestWall))
+    }
 
     fn bounds(&self) -> (Vec3, Vec3) {
         self.bounds
     }
+
+    fn distance(&self, p: &Vec3, patch: Patch) -> f64 {
+        match patch {
+            Patch::Skin => self.skin.distance(p).0,
+            Patch::ChestWall => -self.wall.distance(p).0,
+            _ => self.planes(p).of(patch),
+        }
+    }
+
+    fn gradient(&self, p: &Vec3, patch: Patch) -> Vec3 {
+        match patch {
+            Patch::Skin => self.skin.distance(p).1,
+            Patch::ChestWall => -self.wall.distance(p).1,
+            _ => difference_gradient(self, p, patch),
+        }
+    }
+}
+
+/// Moves a chest wall that is less than `cover` (mm) under the skin down to it, with a soft bend.
+fn sink(wall: &mut Volume<f32>, skin: &GridDistance, cover: f64) {
+    let grid = wall.grid.clone();
+    wall.values.par_iter_mut().enumerate().for_each(|(n, wall)| {
+        let above_cover = skin.distance(&grid.center(grid.voxel(n))).0 + cover;
+        *wall = soft_max(f64::from(*wall), above_cover, WALL_SPACING_MM) as f32;
+    });
+}
+
+/// The larger of two values, once differentiable: rounded where they differ by less than `width`.
+fn soft_max(a: f64, b: f64, width: f64) -> f64 {
+    let near = (width - (a - b).abs()).max(0.0);
+    a.max(b) + 0.25 * near * near / width
 }
 
 /// Corners of the box of a grid.
@@ -184,7 +226,7 @@ fn corners(grid: &Grid) -> (Vec3, Vec3) {
 
 impl Stage for Mesh {
     const NAME: &'static str = "mesh";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "The tissue between skin, pectoral muscle and the breast limits was filled with \
          tetrahedra by clipping a body-centred lattice on smooth signed distance fields \
          (after Labelle and Shewchuk, ACM Trans. Graph. 26 (2007) 57).";
@@ -200,12 +242,14 @@ impl Stage for Mesh {
         progress.report(0.05, "distance field of the skin");
         let skin = field(labels.map(|t| t != Tissue::Background), SKIN_SPACING_MM)?;
         progress.report(0.3, "distance field of the chest wall");
-        let wall = field(labels.map(Tissue::is_chest_wall), WALL_SPACING_MM)?;
+        let mut wall = field(labels.map(Tissue::is_chest_wall), WALL_SPACING_MM)?;
+        let spline = GridDistance::new(&skin);
+        sink(&mut wall, &spline, THINNEST_COVER * self.size_mm);
         let (mut low, mut high) = corners(&skin.grid);
         (low.y, low.z) = (limits.lateral_mm, limits.inferior_mm);
         high.z = limits.superior_mm;
         let domain = BreastDomain {
-            skin: GridDistance::new(&skin),
+            skin: spline,
             wall: GridDistance::new(&wall),
             limits,
             bounds: (low, high),

@@ -16,8 +16,10 @@ use mammotwin_imaging::mri::register::{self, Search};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// The edge of the muscle to the fat in front of it is compared too.
-const MASK_MARGIN_MM: f64 = 3.0;
+/// So far in front of the muscle (mm) its edge to the fat is compared too ...
+const AHEAD_MM: f64 = 3.0;
+/// ... and so far behind it the ribs.
+const BEHIND_MM: f64 = 20.0;
 
 /// Registers the image of a pose to the reference pose.
 #[derive(Debug, Clone, Serialize)]
@@ -62,9 +64,10 @@ impl Artifact for Registered {
 
 impl Stage for Register {
     const NAME: &'static str = "register";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "Poses were registered rigidly to the reference pose by maximising the normalised \
-         cross-correlation of the images over muscle and thorax, from coarse to fine.";
+         cross-correlation of the images over the pectoral muscle and the ribs behind it, from coarse \
+         to fine.";
     type Input = (Volume<f32>, LabelMap, Volume<f32>, Start);
     type Output = Registered;
 
@@ -73,7 +76,7 @@ impl Stage for Register {
         (reference, labels, moving, start): &Self::Input,
         progress: &dyn Progress,
     ) -> Result<Registered, Failure> {
-        let mask = register::chest_wall_mask(labels, MASK_MARGIN_MM);
+        let mask = register::chest_wall_mask(labels, BEHIND_MM, AHEAD_MM);
         let search = if start.landmark_rms_mm.is_some() { Search::Near } else { Search::Wide };
         let options = register::Options { search, ..register::Options::default() };
         let found =

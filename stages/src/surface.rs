@@ -9,7 +9,7 @@ use mammotwin_data::{
     surface::TriMesh,
 };
 use mammotwin_imaging::mri::{
-    distance_field::{FieldPlan, distance_field},
+    distance_field::{FieldPlan, level_field},
     surface,
 };
 use serde::Serialize;
@@ -55,7 +55,7 @@ impl Artifact for PoseSurfaces {
 
 impl Stage for Surface {
     const NAME: &'static str = "surface";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "Surfaces are the zero level of smooth signed distance fields of the labels, \
          placed between voxels.";
     type Input = LabelMap;
@@ -64,7 +64,7 @@ impl Stage for Surface {
     fn run(&self, labels: &LabelMap, progress: &dyn Progress) -> Result<PoseSurfaces, Failure> {
         let extract = |inside: &dyn Fn(Tissue) -> bool| {
             let plan = FieldPlan::of_spacing(self.spacing_mm);
-            let field = distance_field(&labels.map(inside), &plan)
+            let field = level_field(&labels.map(inside), &plan)
                 .map_err(|cause| Failure::BadInput(format!("labels: {cause}")))?;
             Ok::<_, Failure>(surface::surface(&field))
         };

@@ -62,8 +62,14 @@ const MOST_VOXELS: f64 = 4e8;
 /// The mask may lie on any grid: anisotropic, flipped, oblique. Beyond the borders of its image it
 /// goes on as at the border, so that a body that leaves the picture has no surface there.
 pub fn distance_field(mask: &Volume<bool>, plan: &FieldPlan) -> Result<Volume<f32>, FieldError> {
+    Ok(redistance(&level_field(mask, plan)?))
+}
+
+/// A smooth function whose zero is the surface of a mask, negative inside, on the grid of
+/// [`distance_field`]: all that a surface needs. Far from its zero only its sign has a meaning.
+pub fn level_field(mask: &Volume<bool>, plan: &FieldPlan) -> Result<Volume<f32>, FieldError> {
     let grid = field_grid(mask, plan)?;
-    Ok(redistance(&resample(&blurred_level(mask, plan), grid)))
+    Ok(resample(&blurred_level(mask, plan), grid))
 }
 
 /// The field's grid: the box of the mask's voxels and the margin.
@@ -138,25 +144,80 @@ fn volume_keeping_level(level: &Volume<f32>, inside: usize) -> f32 {
     0.5 * (low + high)
 }
 
+/// Edge, in voxels, of the blocks that are sampled or not.
+const BLOCK: usize = 8;
+/// Cubics reach two voxels of the field, too: so far around a block there is no zero when it is not
+/// sampled.
+const AROUND: usize = 2;
+
 /// Values of `image` at the points of another grid, by Catmull-Rom cubics; beyond the border the
-/// value at the border.
+/// value at the border. Blocks that are far from any zero have the value at their middle.
 fn resample(image: &Volume<f32>, grid: Grid) -> Volume<f32> {
     let to_voxel = image.grid.to_voxel();
-    let [ni, nj, _] = grid.shape;
+    let [ni, nj, nk] = grid.shape;
+    let blocks = |n: usize| n.div_ceil(BLOCK);
     let mut values = vec![0.0; grid.len()];
-    values.par_chunks_mut(ni).enumerate().for_each(|(row, line)| {
-        for (i, value) in line.iter_mut().enumerate() {
-            *value = cubic(image, &to_voxel.apply(&grid.center([i, row % nj, row / nj])));
+    values.par_chunks_mut(ni * nj * BLOCK).enumerate().for_each(|(slab, values)| {
+        let k = slab * BLOCK..((slab + 1) * BLOCK).min(nk);
+        for block in 0..blocks(ni) * blocks(nj) {
+            let [i, j] = [block % blocks(ni) * BLOCK, block / blocks(ni) * BLOCK];
+            let (i, j) = (i..(i + BLOCK).min(ni), j..(j + BLOCK).min(nj));
+            let alike = sign_of_block(image, &grid, [&i, &j, &k]);
+            for (k, j) in k.clone().flat_map(|k| j.clone().map(move |j| (k, j))) {
+                let row = ((k - slab * BLOCK) * nj + j) * ni;
+                for i in i.clone() {
+                    values[row + i] = alike.unwrap_or_else(|| {
+                        cubic(image, &to_voxel.apply(&grid.center([i, j, k]))).0
+                    });
+                }
+            }
         }
     });
     Volume { grid, values }
 }
 
-/// Catmull-Rom interpolation at voxel coordinates.
-fn cubic(image: &Volume<f32>, at: &Vec3) -> f32 {
+/// A value of a block in which cubics have no zero, nor around it; `None` when they may have one.
+fn sign_of_block(
+    image: &Volume<f32>,
+    grid: &Grid,
+    block: [&std::ops::Range<usize>; 3],
+) -> Option<f32> {
+    let to_voxel = image.grid.to_voxel();
+    let (mut low, mut high) = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
+    for corner in 0..8 {
+        let place = Vec3::from_fn(|axis, _| match corner >> axis & 1 {
+            0 => block[axis].start as f64 - AROUND as f64,
+            _ => (block[axis].end - 1 + AROUND) as f64,
+        });
+        let voxel = to_voxel.apply(&grid.world(&place));
+        (low, high) = (low.inf(&voxel), high.sup(&voxel));
+    }
+    let range = |axis: usize| {
+        let last = (image.grid.shape[axis] - 1) as f64;
+        let [low, high] = [low[axis].floor() - 1.0, high[axis].floor() + 2.0];
+        low.clamp(0.0, last) as usize..high.clamp(0.0, last) as usize + 1
+    };
+    let (mut least, mut most) = (f32::INFINITY, f32::NEG_INFINITY);
+    for k in range(2) {
+        for j in range(1) {
+            for i in range(0) {
+                let value = image.at([i, j, k]);
+                (least, most) = (least.min(value), most.max(value));
+            }
+        }
+    }
+    // The weights of a tricubic are at most 1.25³ in all, so at most 0.48 of it is negative:
+    // no zero where the smallest size is above 0.48 / 1.48 of the largest.
+    let [small, large] = [least.abs().min(most.abs()), least.abs().max(most.abs())];
+    (least * most > 0.0 && small > 0.33 * large).then_some(0.5 * (least + most))
+}
+
+/// Catmull-Rom interpolation at voxel coordinates: the value and its derivatives by them.
+pub(super) fn cubic(image: &Volume<f32>, at: &Vec3) -> (f32, [f32; 3]) {
     let shape = image.grid.shape;
     let mut places = [[0usize; 4]; 3];
     let mut weights = [[0f32; 4]; 3];
+    let mut slopes = [[0f32; 4]; 3];
     for axis in 0..3 {
         let last = (shape[axis] - 1) as f64;
         let place = at[axis].clamp(0.0, last);
@@ -169,19 +230,37 @@ fn cubic(image: &Volume<f32>, at: &Vec3) -> f32 {
             0.5 * (4.0 * t2 + t - 3.0 * t3),
             0.5 * (t3 - t2),
         ];
+        slopes[axis] = [
+            0.5 * (4.0 * t - 1.0 - 3.0 * t2),
+            0.5 * (9.0 * t2 - 10.0 * t),
+            0.5 * (8.0 * t + 1.0 - 9.0 * t2),
+            0.5 * (3.0 * t2 - 2.0 * t),
+        ];
         for (n, place) in places[axis].iter_mut().enumerate() {
             *place = (low + n as f64 - 1.0).clamp(0.0, last) as usize;
         }
     }
-    let mut sum = 0.0;
-    for (k, wk) in places[2].iter().zip(weights[2]) {
-        for (j, wj) in places[1].iter().zip(weights[1]) {
-            let row = (k * shape[1] + j) * shape[0];
-            let line: f32 = (0..4).map(|n| weights[0][n] * image.values[row + places[0][n]]).sum();
-            sum += wk * wj * line;
+    let (mut value, mut slope) = (0.0, [0.0; 3]);
+    for c in 0..4 {
+        let (mut v, mut vi, mut vj) = (0.0, 0.0, 0.0);
+        for b in 0..4 {
+            let start = (places[2][c] * shape[1] + places[1][b]) * shape[0];
+            let (mut row, mut along) = (0.0, 0.0);
+            for a in 0..4 {
+                let voxel = image.values[start + places[0][a]];
+                row += weights[0][a] * voxel;
+                along += slopes[0][a] * voxel;
+            }
+            v += weights[1][b] * row;
+            vi += weights[1][b] * along;
+            vj += slopes[1][b] * row;
         }
+        value += weights[2][c] * v;
+        slope[0] += weights[2][c] * vi;
+        slope[1] += weights[2][c] * vj;
+        slope[2] += slopes[2][c] * v;
     }
-    sum
+    (value, slope)
 }
 
 /// Signed distance (mm) to the zero level of a smooth field on an isotropic grid along the world
@@ -279,7 +358,8 @@ fn foot(level: &Volume<f32>, voxel: [usize; 3]) -> Option<Foot> {
     let start = Vec3::from(voxel.map(|v| v as f64));
     let (mut at, mut normal) = (start, Vec3::zeros());
     for _ in 0..4 {
-        let (value, gradient) = value_and_gradient(level, &at);
+        let (value, gradient) = cubic(level, &at);
+        let (value, gradient) = (f64::from(value), Vec3::from(gradient.map(f64::from)));
         let square = gradient.norm_squared();
         if square < 1e-20 {
             return None;
@@ -294,18 +374,6 @@ fn foot(level: &Volume<f32>, voxel: [usize; 3]) -> Option<Foot> {
     }
     let single = |v: Vec3| [v.x as f32, v.y as f32, v.z as f32];
     Some(Foot { point: single(at), normal: single(normal) })
-}
-
-/// Value and gradient per voxel, by cubics.
-fn value_and_gradient(level: &Volume<f32>, at: &Vec3) -> (f64, Vec3) {
-    const STEP: f64 = 0.25;
-    let value = |p: &Vec3| f64::from(cubic(level, p));
-    let slope = |axis: usize| {
-        let mut step = Vec3::zeros();
-        step[axis] = STEP;
-        (value(&(at + step)) - value(&(at - step))) / (2.0 * STEP)
-    };
-    (value(at), Vec3::new(slope(0), slope(1), slope(2)))
 }
 
 #[cfg(test)]

@@ -61,11 +61,19 @@ pub fn nearest_seeds(shape: [usize; 3], is_seed: impl Fn(usize) -> bool + Sync) 
 }
 
 /// Rows of `width` become columns.
-fn transpose(values: &[u32], width: usize, height: usize) -> Vec<u32> {
-    let mut turned = vec![0; values.len()];
-    turned.par_chunks_mut(height).enumerate().for_each(|(column, to)| {
-        for (row, to) in to.iter_mut().enumerate() {
-            *to = values[row * width + column];
+pub(super) fn transpose<T: Copy + Default + Send + Sync>(
+    values: &[T],
+    width: usize,
+    height: usize,
+) -> Vec<T> {
+    // Some columns at a time: a row's values of these lie side by side.
+    const TOGETHER: usize = 16;
+    let mut turned = vec![T::default(); values.len()];
+    turned.par_chunks_mut(height * TOGETHER).enumerate().for_each(|(part, to)| {
+        for row in 0..height {
+            for column in 0..to.len() / height {
+                to[column * height + row] = values[row * width + part * TOGETHER + column];
+            }
         }
     });
     turned

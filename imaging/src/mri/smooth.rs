@@ -1,31 +1,28 @@
 //! Smoothing of surfaces without shrinkage.
 
+use super::distance_field::cubic;
 use mammotwin_data::{Vec3, surface::TriMesh, volume::Volume};
 use rayon::prelude::*;
 
-/// Moves the vertices onto the zero level of a distance field, each by less than one voxel. Vertices
+/// Moves the vertices onto the zero level of a smooth field, each by less than one voxel. Vertices
 /// outside of the field's grid stay.
 pub fn project(surface: &TriMesh, field: &Volume<f32>) -> TriMesh {
     let to_voxel = field.grid.to_voxel();
-    let reach = field.grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
-    let value = |p: &Vec3| field.linear(&to_voxel.apply(p)).map(f64::from);
-    let slope = |p: &Vec3| -> Option<Vec3> {
-        let half = 0.25 * reach;
-        let mut slope = Vec3::zeros();
-        for axis in 0..3 {
-            let mut step = Vec3::zeros();
-            step[axis] = half;
-            slope[axis] = (value(&(p + step))? - value(&(p - step))?) / (2.0 * half);
-        }
-        Some(slope)
-    };
+    let last = field.grid.shape.map(|n| n as f64 - 1.0);
     let foot = |start: &Vec3| -> Option<Vec3> {
-        let mut at = *start;
+        let start = to_voxel.apply(start);
+        let mut at = start;
+        let mut step = Vec3::repeat(f64::INFINITY);
         for _ in 0..4 {
-            let gradient = slope(&at)?;
-            at -= gradient * (value(&at)? / gradient.norm_squared().max(1e-2));
+            if !(0..3).all(|axis| (0.0..=last[axis]).contains(&at[axis])) {
+                return None;
+            }
+            let (value, slope) = cubic(field, &at);
+            let slope = Vec3::from(slope.map(f64::from));
+            step = slope * (f64::from(value) / slope.norm_squared());
+            at -= step;
         }
-        ((at - start).norm() < reach && value(&at)?.abs() < 0.1 * reach).then_some(at)
+        (step.norm() < 0.1 && (at - start).norm() < 1.0).then(|| field.grid.world(&at))
     };
     let points = surface.points.par_iter().map(|p| foot(p).unwrap_or(*p)).collect();
     TriMesh { points, triangles: surface.triangles.clone() }

@@ -1,4 +1,4 @@
-//! The zero level of a distance field as a closed surface.
+//! The zero level of a smooth field as a closed surface.
 //!
 //! Surface nets (Gibson 1998, doi:10.1007/BFb0056277): one vertex in each cell that the surface
 //! passes, one quadrilateral across each edge of the grid that it crosses; then every vertex is put
@@ -12,9 +12,9 @@ use mammotwin_data::{Vec3, surface::TriMesh, volume::Volume};
 /// the grid cannot tell whether two parts touch, they are joined. Empty when nothing is inside.
 pub fn surface(field: &Volume<f32>) -> TriMesh {
     let mut padded = Padded::new(field);
-    padded.join_touching_parts();
-    let (mut surface, vertex_of) = padded.vertices();
-    for n in 0..padded.values.len() {
+    let cells = padded.join_touching_parts();
+    let (mut surface, vertex_of) = padded.vertices(&cells);
+    for &n in &cells {
         for axis in 0..3 {
             padded.quad(n, axis, &vertex_of, &mut surface);
         }
@@ -61,44 +61,64 @@ impl<'a> Padded<'a> {
         (0..3).all(|axis| set >> axis & 1 == 0 || place[axis] + 1 < self.shape[axis])
     }
 
+    /// Voxel `bits` of the cell, edge or face whose low corner is `n`.
+    fn corner(&self, n: usize, bits: usize) -> usize {
+        let step = self.steps();
+        n + (0..3).filter(|axis| bits >> axis & 1 == 1).map(|axis| step[axis]).sum::<usize>()
+    }
+
+    /// Whether the surface passes the cell whose low corner is `n`.
+    fn is_mixed(&self, n: usize) -> bool {
+        let first = self.inside(n);
+        self.has_next(n, 7) && (1..8).any(|bits| self.inside(self.corner(n, bits)) != first)
+    }
+
+    /// Low corners of the cells that the surface passes, ascending.
+    fn mixed_cells(&self) -> Vec<usize> {
+        let row = self.shape[0];
+        let rows = self.values.len() / row;
+        // Most rows are all inside or all outside, as are those beside them.
+        let sign: Vec<Option<bool>> = self
+            .values
+            .chunks(row)
+            .map(|row| row.iter().all(|v| (*v < 0.0) == (row[0] < 0.0)).then_some(row[0] < 0.0))
+            .collect();
+        let passed = |r: &usize| {
+            let beside = [1, self.shape[1], self.shape[1] + 1].map(|step| sign.get(r + step));
+            sign[*r].is_none() || beside.iter().any(|s| *s != Some(&sign[*r]))
+        };
+        let cells = (0..rows).filter(passed).flat_map(|r| r * row..(r + 1) * row);
+        cells.filter(|&n| self.is_mixed(n)).collect()
+    }
+
     /// Fills the outside voxel nearest to the surface wherever inside voxels touch only across the
     /// diagonal of a face or of a cell, or outside voxels do: there two sheets would share an edge
-    /// or a vertex.
-    fn join_touching_parts(&mut self) {
-        let step = self.steps();
-        let corner = |n: usize, bits: usize| {
-            n + (0..3).filter(|axis| bits >> axis & 1 == 1).map(|axis| step[axis]).sum::<usize>()
-        };
+    /// or a vertex. Returns the cells that the surface then passes.
+    fn join_touching_parts(&mut self) -> Vec<usize> {
         loop {
+            let cells = self.mixed_cells();
             let mut fill = Vec::new();
-            for n in 0..self.values.len() {
+            for &n in &cells {
                 for (p, q) in [(1, 2), (2, 4), (1, 4)] {
-                    if self.has_next(n, p | q) {
-                        let ring = [0, p, p | q, q].map(|bits| corner(n, bits));
-                        let inside = ring.map(|m| self.inside(m));
-                        if inside[0] == inside[2]
-                            && inside[1] == inside[3]
-                            && inside[0] != inside[1]
-                        {
-                            fill.extend(self.nearest_outside(&ring));
-                        }
+                    let ring = [0, p, p | q, q].map(|bits| self.corner(n, bits));
+                    let inside = ring.map(|m| self.inside(m));
+                    if inside[0] == inside[2] && inside[1] == inside[3] && inside[0] != inside[1] {
+                        fill.extend(self.nearest_outside(&ring));
                     }
                 }
-                if self.has_next(n, 7) {
-                    let cell: [usize; 8] = std::array::from_fn(|bits| corner(n, bits));
-                    let count = cell.iter().filter(|&&m| self.inside(m)).count();
-                    let alike = |same: bool| {
-                        (0..4).any(|bits| {
-                            self.inside(cell[bits]) == same && self.inside(cell[7 - bits]) == same
-                        })
-                    };
-                    if (count == 2 && alike(true)) || (count == 6 && alike(false)) {
-                        fill.extend(self.nearest_outside(&cell));
-                    }
+                let cell: [usize; 8] = std::array::from_fn(|bits| self.corner(n, bits));
+                let count = cell.iter().filter(|&&m| self.inside(m)).count();
+                let alike = |same: bool| {
+                    (0..4).any(|bits| {
+                        self.inside(cell[bits]) == same && self.inside(cell[7 - bits]) == same
+                    })
+                };
+                if (count == 2 && alike(true)) || (count == 6 && alike(false)) {
+                    fill.extend(self.nearest_outside(&cell));
                 }
             }
             if fill.is_empty() {
-                return;
+                return cells;
             }
             for n in fill {
                 self.values[n] = -f32::MIN_POSITIVE.max(1e-6 * self.values[n].abs());
@@ -113,11 +133,11 @@ impl<'a> Padded<'a> {
 
     /// A vertex in each cell that the surface passes, at the mean of its crossings with the edges of
     /// the cell; and the vertex of each cell, by the cell's low corner.
-    fn vertices(&self) -> (TriMesh, Vec<u32>) {
+    fn vertices(&self, cells: &[usize]) -> (TriMesh, Vec<u32>) {
         let step = self.steps();
         let mut surface = TriMesh::default();
         let mut vertex_of = vec![u32::MAX; self.values.len()];
-        for n in (0..self.values.len()).filter(|&n| self.has_next(n, 7)) {
+        for &n in cells {
             let mut sum = Vec3::zeros();
             let mut count = 0.0;
             for edge in 0..12 {
@@ -138,12 +158,10 @@ impl<'a> Padded<'a> {
                     count += 1.0;
                 }
             }
-            if count > 0.0 {
-                // The padding moved the origin by one voxel.
-                let low = Vec3::from(self.place(n).map(|v| v as f64 - 1.0));
-                vertex_of[n] = surface.points.len() as u32;
-                surface.points.push(self.field.grid.world(&(low + sum / count)));
-            }
+            // The padding moved the origin by one voxel.
+            let low = Vec3::from(self.place(n).map(|v| v as f64 - 1.0));
+            vertex_of[n] = surface.points.len() as u32;
+            surface.points.push(self.field.grid.world(&(low + sum / count)));
         }
         (surface, vertex_of)
     }

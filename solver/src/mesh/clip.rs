@@ -2,11 +2,12 @@
 //! still cross it are divided.
 
 use super::{
-    domain::{Domain, PatchSet, project},
+    domain::{Domain, ON_SURFACE_MM, PatchSet, project},
     quality::equivolume,
     topology::Adjacency,
 };
 use mammotwin_data::{Vec3, mesh::Patch};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// A mesh under construction.
@@ -31,7 +32,7 @@ const WARPED_SHAPE: f64 = 0.05;
 /// Keeps the part of `draft` with negative distance to `patch`.
 pub fn clip(draft: &mut Draft, domain: &dyn Domain, patch: Patch, cell_mm: f64) {
     let mut distance: Vec<f64> =
-        draft.points.iter().map(|p| domain.distances(p).of(patch)).collect();
+        draft.points.par_iter().map(|p| domain.distance(p, patch)).collect();
     warp(draft, domain, patch, cell_mm, &mut distance);
     cut(draft, domain, patch, cell_mm, &distance);
 }
@@ -75,7 +76,8 @@ fn cut(draft: &mut Draft, domain: &dyn Domain, patch: Patch, cell_mm: f64, dista
         let mut at = |inside: u32, outside: u32| {
             let key = [inside.min(outside), inside.max(outside)];
             *cuts.entry(key).or_insert_with(|| {
-                let (point, on) = crossing(draft, domain, patch, cell_mm, [inside, outside]);
+                let (point, on) =
+                    crossing(draft, domain, patch, cell_mm, distance, [inside, outside]);
                 draft.points.push(point);
                 draft.on.push(on);
                 draft.points.len() as u32 - 1
@@ -92,22 +94,37 @@ fn crossing(
     domain: &dyn Domain,
     patch: Patch,
     cell_mm: f64,
+    distance: &[f64],
     [inside, outside]: [u32; 2],
 ) -> (Vec3, PatchSet) {
     let [a, b] = [inside, outside].map(|n| draft.points[n as usize]);
-    let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..30 {
-        let middle = 0.5 * (low + high);
-        if domain.distances(&a.lerp(&b, middle)).of(patch) < 0.0 {
-            low = middle
-        } else {
-            high = middle
-        }
-    }
+    let at = |part: f64| domain.distance(&a.lerp(&b, part), patch);
+    let part = root(at, distance[inside as usize], distance[outside as usize]);
     let on = draft.on[inside as usize].and(draft.on[outside as usize]).with(patch);
-    let point = a.lerp(&b, 0.5 * (low + high));
+    let point = a.lerp(&b, part);
     // The edge is a chord of the surfaces that both ends lie on: back onto them.
     (project(domain, &point, on, 0.3 * cell_mm).unwrap_or(point), on)
+}
+
+/// Where between 0 and 1 a function vanishes that is `low` < 0 at 0 and `high` > 0 at 1: regula falsi
+/// as Illinois has it (Dowell & Jarratt 1971, doi:10.1007/BF01934364).
+fn root(function: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
+    let (mut left, mut right) = (0.0, 1.0);
+    let mut part = 0.5;
+    for _ in 0..40 {
+        part = (left * high - right * low) / (high - low);
+        let value = function(part);
+        if value.abs() < 1e-3 * ON_SURFACE_MM {
+            break;
+        }
+        // An end that stays is given half of its weight, so that it will be left, too.
+        if value < 0.0 {
+            (left, low, high) = (part, value, 0.5 * high);
+        } else {
+            (right, high, low) = (part, value, 0.5 * low);
+        }
+    }
+    part
 }
 
 /// A corner of a piece: a corner of the divided tetrahedron, or the middle of one of its edges as a

@@ -10,6 +10,29 @@ pub trait Domain: Sync {
 
     /// Corners (mm) of a box along the axes that holds the body.
     fn bounds(&self) -> (Vec3, Vec3);
+
+    /// One of the [`distances`](Domain::distances): for bodies that know it without the others.
+    fn distance(&self, p: &Vec3, patch: Patch) -> f64 {
+        self.distances(p).of(patch)
+    }
+
+    /// Gradient of the [`distance`](Domain::distance) to a patch: for bodies that know it without
+    /// differences.
+    fn gradient(&self, p: &Vec3, patch: Patch) -> Vec3 {
+        difference_gradient(self, p, patch)
+    }
+}
+
+/// Gradient of the distance to a patch by central differences.
+pub fn difference_gradient(domain: &(impl Domain + ?Sized), p: &Vec3, patch: Patch) -> Vec3 {
+    const STEP_MM: f64 = 0.02;
+    Vec3::from_fn(|axis, _| {
+        let mut step = Vec3::zeros();
+        step[axis] = STEP_MM;
+        let (above, below) =
+            (domain.distance(&(p + step), patch), domain.distance(&(p - step), patch));
+        (above - below) / (2.0 * STEP_MM)
+    })
 }
 
 /// One signed distance (mm) for each patch that bounds the body.
@@ -95,17 +118,15 @@ pub const ON_SURFACE_MM: f64 = 0.01;
 ///
 /// `None` when there is none within `reach_mm`, or when more than three surfaces are asked for.
 pub fn project(domain: &dyn Domain, p: &Vec3, set: PatchSet, reach_mm: f64) -> Option<Vec3> {
-    let mut patches = [Patch::Skin; 3];
-    if set.len() > patches.len() {
+    if set.len() > 3 {
         return None;
     }
-    set.iter().zip(&mut patches).for_each(|(patch, slot)| *slot = patch);
-    let patches = &patches[..set.len()];
+    let patches: Vec<Patch> = set.iter().collect();
+    let patches = &patches[..];
     let mut at = *p;
     for _ in 0..12 {
-        let here = domain.distances(&at);
-        let error = patches.iter().map(|&patch| here.of(patch).abs()).fold(0.0, f64::max);
-        if error < 0.1 * ON_SURFACE_MM {
+        let here: Vec<f64> = patches.iter().map(|&patch| domain.distance(&at, patch)).collect();
+        if here.iter().all(|distance| distance.abs() < 0.1 * ON_SURFACE_MM) {
             return Some(at);
         }
         at -= shortest_step(domain, &at, patches, &here)?;
@@ -113,23 +134,18 @@ pub fn project(domain: &dyn Domain, p: &Vec3, set: PatchSet, reach_mm: f64) -> O
             return None;
         }
     }
-    let end = domain.distances(&at);
-    patches.iter().all(|&patch| end.of(patch).abs() < ON_SURFACE_MM).then_some(at)
+    let on = |&patch: &Patch| domain.distance(&at, patch).abs() < ON_SURFACE_MM;
+    patches.iter().all(on).then_some(at)
 }
 
-/// Solves `G step = f` for the step of least length, `G` the gradients of the distances.
-fn shortest_step(
-    domain: &dyn Domain,
-    at: &Vec3,
-    patches: &[Patch],
-    here: &PatchDistances,
-) -> Option<Vec3> {
-    let gradients = gradients(domain, at, patches);
+/// Solves `G step = f` for the step of least length, `G` the gradients of the distances `f`.
+fn shortest_step(domain: &dyn Domain, at: &Vec3, patches: &[Patch], here: &[f64]) -> Option<Vec3> {
+    let gradients: Vec<Vec3> = patches.iter().map(|&patch| domain.gradient(at, patch)).collect();
     // Gram matrix, padded with the identity where there are fewer than three surfaces.
     let mut gram = Mat3::identity();
     let mut value = Vec3::zeros();
-    for (r, &patch) in patches.iter().enumerate() {
-        value[r] = here.of(patch);
+    for r in 0..patches.len() {
+        value[r] = here[r];
         for c in 0..patches.len() {
             gram[(r, c)] = gradients[r].dot(&gradients[c]);
         }
@@ -140,19 +156,4 @@ fn shortest_step(
     }
     let weight = gram.try_inverse()? * value;
     Some((0..patches.len()).map(|r| weight[r] * gradients[r]).sum())
-}
-
-/// Gradients of the distances at a point, by central differences. Unused ones are zero.
-pub fn gradients(domain: &dyn Domain, at: &Vec3, patches: &[Patch]) -> [Vec3; 3] {
-    const STEP_MM: f64 = 0.02;
-    let mut gradients = [Vec3::zeros(); 3];
-    for axis in 0..3 {
-        let mut step = Vec3::zeros();
-        step[axis] = STEP_MM;
-        let (above, below) = (domain.distances(&(at + step)), domain.distances(&(at - step)));
-        for (gradient, &patch) in gradients.iter_mut().zip(patches) {
-            gradient[axis] = (above.of(patch) - below.of(patch)) / (2.0 * STEP_MM);
-        }
-    }
-    gradients
 }

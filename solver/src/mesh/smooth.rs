@@ -2,17 +2,20 @@
 
 use super::{
     clip::Draft,
-    domain::{Domain, PatchSet, gradients, project},
+    domain::{Domain, project},
     quality::equivolume,
     topology::Adjacency,
 };
-use mammotwin_data::{Vec3, mesh::Patch};
+use mammotwin_data::Vec3;
 
 /// Moving a node to the middle of its neighbours may cost its worst element shape (1 - skewness)
 /// down to this.
 const GOOD: f64 = 0.6;
 /// A node with a worse element than this searches for a better place.
 const SEARCH: f64 = 0.4;
+/// A search that gains less than this goes on with smaller steps: a node that creeps along a
+/// degenerate element would not come to an end.
+const LEAST_GAIN: f64 = 1e-3;
 
 /// Visits all nodes once. No move makes the worst element around a node worse, unless it stays good
 /// and the mean gets better.
@@ -28,7 +31,7 @@ pub fn smooth(draft: &mut Draft, domain: &dyn Domain, size_mm: f64) {
         let mut step = 0.2;
         while worst < SEARCH && step > 0.02 {
             let better = mover.search(worst, step);
-            if better <= worst {
+            if better < worst + LEAST_GAIN {
                 step *= 0.4;
             }
             worst = better;
@@ -112,13 +115,11 @@ impl Mover<'_> {
 
     /// Directions along the node's surfaces: seven in space, four on a surface, one on a crease.
     fn directions(&self) -> [Option<Vec3>; 7] {
-        let mut patches = [Patch::Skin; 2];
-        let set: PatchSet = self.draft.on[self.node];
-        set.iter().zip(&mut patches).for_each(|(patch, slot)| *slot = patch);
         let at = &self.draft.points[self.node];
-        let normals = gradients(self.domain, at, &patches[..set.len()]);
+        let surfaces = self.draft.on[self.node].iter();
+        let normals: Vec<Vec3> = surfaces.map(|patch| self.domain.gradient(at, patch)).collect();
         let mut directions = [None; 7];
-        match set.len() {
+        match normals.len() {
             0 => {
                 let [x, y, z] = [Vec3::x(), Vec3::y(), Vec3::z()];
                 let all = [x, y, z, x + y + z, x + y - z, x - y + z, -x + y + z];

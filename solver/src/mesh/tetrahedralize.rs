@@ -5,7 +5,7 @@ use super::{
     domain::{Domain, PatchDistances, PatchSet},
     improve::improve,
     lattice::{Lattice, Placement},
-    topology::{OuterFace, face_neighbors, largest_component, pinched_nodes},
+    topology::{Adjacency, OuterFace, face_neighbors, largest_component, pinched_nodes},
 };
 use mammotwin_data::{
     Vec3,
@@ -74,7 +74,8 @@ const MOST_POINTS: f64 = 1.6e7;
 /// tetrahedron.
 ///
 /// Nodes of a patch lie on its zero surface within [`ON_SURFACE_MM`](super::domain::ON_SURFACE_MM);
-/// nodes between patches lie on both.
+/// nodes between patches lie on both. Where the body is thinner than an element and so would touch
+/// itself, elements are dropped, up to a hundredth of its volume; nodes beside them lie on no patch.
 pub fn tetrahedralize(
     domain: &dyn Domain,
     meshing: &Meshing,
@@ -93,6 +94,7 @@ pub fn tetrahedralize(
     if draft.tets.is_empty() {
         return Err(MeshError::Empty { size_mm });
     }
+    part_touching(&mut draft, size_mm)?;
     improve(&mut draft, domain, size_mm);
     let (_, outer) = face_neighbors(&draft.tets);
     if let Some(&node) = pinched_nodes(&outer).first() {
@@ -171,6 +173,41 @@ impl Draft {
         let mut keep = largest_component(&self.tets).into_iter();
         self.tets.retain(|_| keep.next().unwrap_or(false));
         self.compact();
+    }
+}
+
+/// Most of the volume that may be dropped where the body is thinner than an element.
+const MOST_DROPPED: f64 = 0.01;
+
+/// Drops elements where the body touches itself: around such a node all but the largest part, or
+/// all when they hang together.
+fn part_touching(draft: &mut Draft, size_mm: f64) -> Result<(), MeshError> {
+    let volume = |draft: &Draft| -> f64 {
+        draft.tets.iter().map(|tet| TetMesh::tet_volume(&draft.points, tet)).sum()
+    };
+    let whole = volume(draft);
+    loop {
+        let (_, outer) = face_neighbors(&draft.tets);
+        let pinched = pinched_nodes(&outer);
+        let Some(&first) = pinched.first() else { return Ok(()) };
+        let at = draft.points[first as usize];
+        let adjacency = Adjacency::new(draft.points.len(), &draft.tets);
+        let mut keep = vec![true; draft.tets.len()];
+        for node in pinched {
+            let star = adjacency.of(node as usize);
+            let tets: Vec<[u32; 4]> = star.iter().map(|&t| draft.tets[t as usize]).collect();
+            let largest = largest_component(&tets);
+            let whole = largest.iter().all(|&part| part);
+            for (&t, part) in star.iter().zip(largest) {
+                keep[t as usize] &= part && !whole;
+            }
+        }
+        let mut keep = keep.into_iter();
+        draft.tets.retain(|_| keep.next().unwrap_or(false));
+        draft.keep_largest();
+        if volume(draft) < (1.0 - MOST_DROPPED) * whole {
+            return Err(MeshError::NotManifold { at, size_mm });
+        }
     }
 }
 

@@ -7,37 +7,59 @@
 use super::target::Target;
 use mammotwin_data::{
     Mat3, Vec3,
-    volume::{Grid, ToVoxel, Volume},
+    volume::{ToVoxel, Volume},
 };
 
 /// Spline through the samples of a signed distance (mm).
 #[derive(Debug, Clone)]
 pub struct GridDistance {
-    grid: Grid,
     to_voxel: ToVoxel,
+    /// Number of samples along each axis.
+    shape: [usize; 3],
+    /// Distance in `coefficients` of neighbours along each axis.
+    stride: [usize; 3],
+    /// Of the samples and of the places beside the grid that the outermost cells need, where they
+    /// continue straight on.
     coefficients: Vec<f64>,
 }
 
 impl GridDistance {
     /// Interpolates `distance` (mm). Axes with fewer than two samples are constant.
     pub fn new(distance: &Volume<f32>) -> Self {
-        let grid = distance.grid.clone();
-        let mut coefficients: Vec<f64> = distance.values.iter().map(|&v| f64::from(v)).collect();
-        let [ni, nj, nk] = grid.shape;
+        let grid = &distance.grid;
+        let padded = grid.shape.map(|n| n.max(2) + 2);
+        let stride = [1, padded[0], padded[0] * padded[1]];
+        let place = |at: [usize; 3]| (0..3).map(|axis| at[axis] * stride[axis]).sum::<usize>();
+        let mut coefficients = vec![0.0; padded.iter().product()];
+        for (n, &value) in distance.values.iter().enumerate() {
+            coefficients[place(grid.voxel(n).map(|v| v + 1))] = f64::from(value);
+        }
         let mut line = Vec::new();
-        for (axis, (count, stride)) in [(ni, 1), (nj, ni), (nk, ni * nj)].into_iter().enumerate() {
-            for first in 0..grid.len() {
-                if grid.voxel(first)[axis] == 0 {
+        for axis in 0..3 {
+            // Lines along an axis begin beside the grid along those that are done.
+            let begins = |other: usize| match other {
+                other if other < axis => 0..padded[other],
+                other if other == axis => 0..1,
+                other => 1..grid.shape[other] + 1,
+            };
+            for (k, j) in begins(2).flat_map(|k| begins(1).map(move |j| (k, j))) {
+                for first in begins(0).map(|i| place([i, j, k])) {
+                    let at = |n: usize| first + n * stride[axis];
                     line.clear();
-                    line.extend((0..count).map(|n| coefficients[first + n * stride]));
+                    line.extend((1..=grid.shape[axis]).map(|n| coefficients[at(n)]));
                     natural_spline(&mut line);
-                    for (n, &c) in line.iter().enumerate() {
-                        coefficients[first + n * stride] = c;
+                    let last = line.len() - 1;
+                    coefficients[at(0)] = 2.0 * line[0] - line[last.min(1)];
+                    for n in 1..padded[axis] {
+                        coefficients[at(n)] = match line.get(n - 1) {
+                            Some(&inside) => inside,
+                            None => 2.0 * line[last] - line[last.saturating_sub(1)],
+                        };
                     }
                 }
             }
         }
-        Self { to_voxel: grid.to_voxel(), grid, coefficients }
+        Self { to_voxel: grid.to_voxel(), shape: grid.shape, stride, coefficients }
     }
 }
 
@@ -71,7 +93,8 @@ fn natural_spline(line: &mut [f64]) {
 /// The four coefficients of an axis that matter at a coordinate, with their weights and the
 /// weights of the first and second derivative.
 struct Axis {
-    first: isize,
+    /// Place of the first coefficient, counted from beside the grid.
+    first: usize,
     weights: [[f64; 4]; 3],
 }
 
@@ -97,83 +120,40 @@ impl Axis {
                 curve[n] = 0.0;
             }
         }
-        Self { first: cell as isize - 1, weights: [value, slope, curve] }
-    }
-}
-
-impl GridDistance {
-    /// Coefficient at any index: beyond an end they continue straight on.
-    fn coefficient(&self, at: [isize; 3]) -> f64 {
-        for axis in 0..3 {
-            let last = self.grid.shape[axis] as isize - 1;
-            let step = |to: isize| {
-                let mut next = at;
-                next[axis] = to;
-                next
-            };
-            if last == 0 && at[axis] != 0 {
-                return self.coefficient(step(0));
-            }
-            if at[axis] < 0 {
-                return 2.0 * self.coefficient(step(0)) - self.coefficient(step(1));
-            }
-            if at[axis] > last {
-                return 2.0 * self.coefficient(step(last)) - self.coefficient(step(last - 1));
-            }
-        }
-        self.coefficients[self.grid.index(at.map(|n| n as usize))]
+        Self { first: cell as usize, weights: [value, slope, curve] }
     }
 }
 
 impl Target for GridDistance {
     fn distance(&self, point: &Vec3) -> (f64, Vec3, Mat3) {
         let voxel = self.to_voxel.apply(point);
-        let axes = [0, 1, 2].map(|axis| Axis::at(voxel[axis], self.grid.shape[axis]));
-        let inner = [0, 1, 2].map(|axis| {
-            let first = axes[axis].first;
-            first >= 0 && first + 4 <= self.grid.shape[axis] as isize
-        }) == [true; 3];
-        // Sums over (order along i, order along j, order along k), orders summing to at most 2.
+        let [i, j, k] = [0, 1, 2].map(|axis| Axis::at(voxel[axis], self.shape[axis]));
+        let first = i.first + j.first * self.stride[1] + k.first * self.stride[2];
+        // Sums over orders of derivatives along i, j and k that sum to at most 2.
         let mut value = 0.0;
         let mut gradient = Vec3::zeros();
         let mut hessian = Mat3::zeros();
         for c in 0..4 {
+            let (mut v, mut vi, mut vj) = (0.0, 0.0, 0.0);
+            let (mut vii, mut vij, mut vjj) = (0.0, 0.0, 0.0);
             for b in 0..4 {
-                let mut row = [0.0; 3];
-                for a in 0..4 {
-                    let at = [
-                        axes[0].first + a as isize,
-                        axes[1].first + b as isize,
-                        axes[2].first + c as isize,
-                    ];
-                    let coefficient = if inner {
-                        self.coefficients[self.grid.index(at.map(|n| n as usize))]
-                    } else {
-                        self.coefficient(at)
-                    };
-                    for (order, sum) in row.iter_mut().enumerate() {
-                        *sum += axes[0].weights[order][a] * coefficient;
-                    }
-                }
-                let j = axes[1].weights.map(|w| w[b]);
-                let k = axes[2].weights.map(|w| w[c]);
-                value += row[0] * j[0] * k[0];
-                gradient +=
-                    Vec3::new(row[1] * j[0] * k[0], row[0] * j[1] * k[0], row[0] * j[0] * k[1]);
-                let (ij, ik, jk) =
-                    (row[1] * j[1] * k[0], row[1] * j[0] * k[1], row[0] * j[1] * k[1]);
-                hessian += Mat3::new(
-                    row[2] * j[0] * k[0],
-                    ij,
-                    ik,
-                    ij,
-                    row[0] * j[2] * k[0],
-                    jk,
-                    ik,
-                    jk,
-                    row[0] * j[0] * k[2],
-                );
+                let start = first + b * self.stride[1] + c * self.stride[2];
+                let row = &self.coefficients[start..start + 4];
+                let along_i =
+                    i.weights.map(|w| w.iter().zip(row).map(|(w, row)| w * row).sum::<f64>());
+                let along_j = j.weights.map(|w| w[b]);
+                v += along_i[0] * along_j[0];
+                vi += along_i[1] * along_j[0];
+                vj += along_i[0] * along_j[1];
+                vii += along_i[2] * along_j[0];
+                vij += along_i[1] * along_j[1];
+                vjj += along_i[0] * along_j[2];
             }
+            let [w, wk, wkk] = k.weights.map(|w| w[c]);
+            value += v * w;
+            gradient += Vec3::new(vi * w, vj * w, v * wk);
+            let (ij, ik, jk) = (vij * w, vi * wk, vj * wk);
+            hessian += Mat3::new(vii * w, ij, ik, ij, vjj * w, jk, ik, jk, v * wkk);
         }
         let turn = self.to_voxel.linear();
         (value, turn.transpose() * gradient, turn.transpose() * hessian * turn)
@@ -183,6 +163,7 @@ impl Target for GridDistance {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mammotwin_data::volume::Grid;
 
     /// Samples of a distance to a sphere of radius 20 about (3, -2, 5), on a turned grid.
     fn sphere(spacing: f64) -> GridDistance {

@@ -1,56 +1,34 @@
 //! Which voxels count, and a first guess from them.
 
-use mammotwin_data::{Vec3, labels::LabelMap, rigid::RigidTransform, volume::Volume};
+use crate::mri::segment::distance_to_outside;
+use mammotwin_data::{
+    Vec3,
+    labels::{LabelMap, Tissue},
+    rigid::RigidTransform,
+    volume::Volume,
+};
 
-/// Voxels behind the breasts (muscle and thorax), grown by `margin_mm` so that the edge of the
-/// muscle to the fat in front of it counts too.
-pub fn chest_wall_mask(labels: &LabelMap, margin_mm: f64) -> Volume<bool> {
-    let inside = labels.map(|tissue| tissue.is_chest_wall());
-    let ball = ball(&inside, margin_mm);
-    let shape = inside.grid.shape.map(|n| n as isize);
-    let mut grown = inside.clone();
-    for index in 0..inside.values.len() {
-        if !inside.values[index] || !at_edge(&inside, index) {
-            continue;
-        }
-        let center = inside.grid.voxel(index).map(|n| n as isize);
-        for offset in &ball {
-            let at: [isize; 3] = std::array::from_fn(|axis| center[axis] + offset[axis]);
-            if (0..3).all(|axis| (0..shape[axis]).contains(&at[axis])) {
-                let at = inside.grid.index(at.map(|n| n as usize));
-                grown.values[at] = true;
-            }
-        }
-    }
-    grown
-}
-
-/// Voxel steps within a distance.
-fn ball(mask: &Volume<bool>, radius_mm: f64) -> Vec<[isize; 3]> {
-    let reach = mask.grid.spacing_mm().map(|spacing| (2.0 * radius_mm / spacing) as isize);
-    let mut steps = Vec::new();
-    for k in -reach[2]..=reach[2] {
-        for j in -reach[1]..=reach[1] {
-            for i in -reach[0]..=reach[0] {
-                let step = mask.grid.axes * Vec3::new(i as f64, j as f64, k as f64);
-                if step.norm() <= radius_mm {
-                    steps.push([i, j, k]);
-                }
-            }
-        }
-    }
-    steps
-}
-
-/// Whether a neighbour along an axis is outside of the mask.
-fn at_edge(mask: &Volume<bool>, index: usize) -> bool {
-    let voxel = mask.grid.voxel(index);
-    let step = [1, mask.grid.shape[0], mask.grid.shape[0] * mask.grid.shape[1]];
-    (0..3).any(|axis| {
-        let below = voxel[axis] > 0 && !mask.values[index - step[axis]];
-        let above = voxel[axis] + 1 < mask.grid.shape[axis] && !mask.values[index + step[axis]];
-        below || above
-    })
+/// Voxels of the chest wall within `behind_mm` of the pectoral muscle, and what is in front of it up
+/// to `ahead_mm`: so the edge of the muscle to the fat counts too. The whole chest wall where no
+/// muscle is labelled.
+///
+/// The breasts rest on the front of the chest wall; heart, liver and back move by themselves.
+pub fn chest_wall_mask(labels: &LabelMap, behind_mm: f64, ahead_mm: f64) -> Volume<bool> {
+    let is_muscle = |tissue: &Tissue| *tissue == Tissue::PectoralMuscle;
+    let no_muscle = !labels.values.iter().any(is_muscle);
+    let off: Vec<bool> = labels
+        .values
+        .iter()
+        .map(|tissue| !(is_muscle(tissue) || (no_muscle && tissue.is_chest_wall())))
+        .collect();
+    let farthest = 2.0 * behind_mm.max(ahead_mm);
+    let distance = distance_to_outside(&off, &labels.grid, farthest);
+    let near = |(tissue, distance): (&Tissue, f32)| {
+        let reach = if tissue.is_chest_wall() { behind_mm } else { ahead_mm };
+        f64::from(distance) <= reach
+    };
+    let values = labels.values.iter().zip(distance).map(near).collect();
+    Volume { grid: labels.grid.clone(), values }
 }
 
 /// Centre of the voxels of a mask (mm); `None` when it has none.
@@ -77,25 +55,36 @@ pub fn align_centers(reference: &Volume<bool>, moving: &Volume<bool>) -> Option<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mammotwin_data::{labels::Tissue, volume::Grid};
+    use mammotwin_data::volume::Grid;
 
     #[test]
-    fn the_mask_grows_by_millimetres_not_voxels() {
+    fn the_mask_is_a_shell_about_the_muscle_in_millimetres() {
         let grid = Grid::aligned([41, 41, 21], [1.0, 1.0, 2.0], Vec3::new(-20.0, -20.0, -20.0));
-        let inside = |p: &Vec3, radius: f64| p.norm() <= radius;
-        let tissue = |p: &Vec3| if inside(p, 10.0) { Tissue::Thorax } else { Tissue::AdiposeLeft };
-        let values = (0..grid.len()).map(|n| tissue(&grid.center(grid.voxel(n)))).collect();
-        let labels = Volume { grid, values };
-        let mask = chest_wall_mask(&labels, 4.0);
+        let tissue = |radius: f64| match radius {
+            r if r < 10.0 => Tissue::Thorax,
+            r if r < 13.0 => Tissue::PectoralMuscle,
+            _ => Tissue::AdiposeLeft,
+        };
+        let values = (0..grid.len()).map(|n| tissue(grid.center(grid.voxel(n)).norm())).collect();
+        let mut labels = Volume { grid, values };
+        let mask = chest_wall_mask(&labels, 5.0, 3.0);
         for n in 0..mask.grid.len() {
-            let p = mask.grid.center(mask.grid.voxel(n));
-            if inside(&p, 12.0) {
-                assert!(mask.values[n], "{p:?} is not in the grown mask");
+            let radius = mask.grid.center(mask.grid.voxel(n)).norm();
+            if (7.0..14.0).contains(&radius) {
+                assert!(mask.values[n], "{radius} mm is not in the shell");
             }
-            if !inside(&p, 14.0) {
-                assert!(!mask.values[n], "{p:?} is in the grown mask");
+            if !(4.9..17.0).contains(&radius) {
+                assert!(!mask.values[n], "{radius} mm is in the shell");
             }
         }
         assert!(center(&mask).unwrap().norm() < 1e-12);
+        let muscle = |tissue: &mut Tissue| {
+            if *tissue == Tissue::PectoralMuscle {
+                *tissue = Tissue::Thorax;
+            }
+        };
+        labels.values.iter_mut().for_each(muscle);
+        let whole = chest_wall_mask(&labels, 5.0, 3.0);
+        assert!(whole.values[whole.grid.index([20, 20, 10])], "no muscle: the whole chest wall");
     }
 }

@@ -21,6 +21,8 @@ pub(super) fn air_below(fat: f32, brightest: f32) -> f32 {
 pub(super) fn faintest(fat: f32, brightest: f32) -> f32 {
     FAINT.max(NOISE * brightest / fat)
 }
+/// The flank of one slice lies at most so much further inside (mm) than that of most.
+const FLANK_MM: f64 = 30.0;
 /// Nominal depth (mm) of the thorax' axis behind the front of the body on the mid-line.
 const AXIS_DEPTH_MM: f64 = 110.0;
 
@@ -75,9 +77,13 @@ pub(super) fn find(
         }
     }
     let whole_back = sees_back(&tissue, grid, axis_j);
+    let beside_axis = air_beside(&tissue, grid, axis_j);
     for k in 0..nk {
         for (start, step) in [(0, 1isize), (ni - 1, -1)] {
-            let mut widest = ni;
+            // Faint tissue far from the coils lets a line through, but flanks are alike in all
+            // slices.
+            let mut widest =
+                beside_axis[usize::from(step < 0)] + (FLANK_MM / grid.axes[(0, 0)]) as usize;
             for j in (0..=axis_j).rev() {
                 // Through a border of the image that is oblique to the body, or without a back
                 // in sight, no line gets further than beside the axis.
@@ -91,7 +97,7 @@ pub(super) fn find(
                     i = i.wrapping_add_signed(step);
                 }
                 if j == axis_j {
-                    widest = steps;
+                    widest = widest.min(steps);
                 }
             }
         }
@@ -99,6 +105,26 @@ pub(super) fn find(
     let mask: Vec<bool> = air.iter().map(|a| !a).collect();
     let mask = largest_component(&mask, grid.shape)?;
     Some(Body { mask, axis, whole_back })
+}
+
+/// Median over the slices of the number of voxels of air on the line from each side, at the height
+/// of the axis.
+fn air_beside(tissue: &[bool], grid: &Grid, axis_j: usize) -> [usize; 2] {
+    let [ni, _, nk] = grid.shape;
+    [false, true].map(|from_end| {
+        let mut steps: Vec<f64> = (0..nk)
+            .map(|k| {
+                let row = &tissue[grid.index([0, axis_j, k])..][..ni];
+                let air = if from_end {
+                    row.iter().rev().position(|t| *t)
+                } else {
+                    row.iter().position(|t| *t)
+                };
+                air.unwrap_or(ni) as f64
+            })
+            .collect();
+        median(&mut steps).unwrap_or(0.0) as usize
+    })
 }
 
 /// Whether most slices show tissue on the mid-line far behind the axis: the back of the body.
@@ -132,32 +158,71 @@ pub(super) fn neighbours(n: usize, [ni, nj, nk]: [usize; 3]) -> impl Iterator<It
 }
 
 /// The largest set of face-connected voxels. `None` if there is no voxel.
-pub(super) fn largest_component(mask: &[bool], shape: [usize; 3]) -> Option<Vec<bool>> {
-    let mut component = vec![0u32; mask.len()];
-    let (mut best, mut count) = ((0, 0), 0);
-    let mut queue = Vec::new();
-    for start in 0..mask.len() {
-        if !mask[start] || component[start] != 0 {
-            continue;
-        }
-        count += 1;
-        component[start] = count;
-        queue.push(start);
-        let mut size = 0;
-        while let Some(n) = queue.pop() {
-            size += 1;
-            for m in neighbours(n, shape) {
-                if mask[m] && component[m] == 0 {
-                    component[m] = count;
-                    queue.push(m);
-                }
-            }
-        }
-        if size > best.0 {
-            best = (size, count);
+///
+/// Runs along i are joined where they touch (Rosenfeld & Pfaltz 1966, doi:10.1145/321356.321357).
+pub(super) fn largest_component(mask: &[bool], [ni, nj, nk]: [usize; 3]) -> Option<Vec<bool>> {
+    // Runs of all rows, and the first run of each row.
+    let (mut runs, mut first) = (Vec::new(), Vec::with_capacity(nj * nk + 1));
+    for row in mask.chunks(ni) {
+        first.push(runs.len());
+        let mut end = 0;
+        while let Some(start) = row[end..].iter().position(|inside| *inside).map(|n| end + n) {
+            end = row[start..].iter().position(|inside| !inside).map_or(ni, |n| start + n);
+            runs.push([start, end]);
         }
     }
-    (best.0 > 0).then(|| component.iter().map(|&c| c == best.1).collect())
+    first.push(runs.len());
+    let mut parent: Vec<usize> = (0..runs.len()).collect();
+    let root = |parent: &mut Vec<usize>, mut run: usize| {
+        while parent[run] != run {
+            parent[run] = parent[parent[run]];
+            run = parent[run];
+        }
+        run
+    };
+    for row in 0..nj * nk {
+        let before = [(row % nj > 0).then(|| row - 1), row.checked_sub(nj)];
+        for other in before.into_iter().flatten() {
+            let (mut a, mut b) = (first[row], first[other]);
+            while a < first[row + 1] && b < first[other + 1] {
+                if runs[a][0] < runs[b][1] && runs[b][0] < runs[a][1] {
+                    let (p, q) = (root(&mut parent, a), root(&mut parent, b));
+                    parent[p.max(q)] = p.min(q);
+                }
+                if runs[a][1] < runs[b][1] { a += 1 } else { b += 1 }
+            }
+        }
+    }
+    let mut size = vec![0; runs.len()];
+    let roots: Vec<usize> = (0..runs.len()).map(|run| root(&mut parent, run)).collect();
+    for (run, &root) in roots.iter().enumerate() {
+        size[root] += runs[run][1] - runs[run][0];
+    }
+    // Of equally large ones the first.
+    let best = (0..runs.len()).rev().max_by_key(|&run| size[run])?;
+    let mut largest = vec![false; mask.len()];
+    for row in 0..nj * nk {
+        for run in (first[row]..first[row + 1]).filter(|&run| roots[run] == best) {
+            largest[row * ni + runs[run][0]..row * ni + runs[run][1]].fill(true);
+        }
+    }
+    Some(largest)
+}
+
+/// Voxels of `air` that no path of air joins to the border of the grid, ascending.
+pub(super) fn enclosed(air: &[bool], [ni, nj, nk]: [usize; 3]) -> Vec<usize> {
+    // A layer of air around the grid joins whatever reaches its border.
+    let padded = [ni + 2, nj + 2, nk + 2];
+    let place = |n: usize| {
+        let (i, j, k) = (n % ni, n / ni % nj, n / (ni * nj));
+        ((k + 1) * padded[1] + j + 1) * padded[0] + i + 1
+    };
+    let mut around = vec![true; padded.iter().product()];
+    for n in 0..air.len() {
+        around[place(n)] = air[n];
+    }
+    let Some(outside) = largest_component(&around, padded) else { return Vec::new() };
+    (0..air.len()).filter(|&n| air[n] && !outside[place(n)]).collect()
 }
 
 /// Mid-line between the sides, a nominal depth behind the front of the body there.
@@ -201,4 +266,43 @@ pub(super) fn quantile(values: &mut [f64], fraction: f64) -> Option<f64> {
     let last = values.len().checked_sub(1)?;
     let at = (fraction * last as f64).round() as usize;
     Some(*values.select_nth_unstable_by(at.min(last), f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+
+    /// Sizes of all parts by flooding.
+    fn largest_by_flooding(mask: &[bool], shape: [usize; 3]) -> usize {
+        let mut seen: Vec<bool> = mask.iter().map(|inside| !inside).collect();
+        let mut best = 0;
+        for start in 0..mask.len() {
+            let mut queue = vec![start];
+            let mut size = 0;
+            while let Some(n) = queue.pop() {
+                if !std::mem::replace(&mut seen[n], true) {
+                    size += 1;
+                    queue.extend(neighbours(n, shape));
+                }
+            }
+            best = best.max(size);
+        }
+        best
+    }
+
+    #[test]
+    fn the_largest_component_is_that_of_flooding() {
+        let shape = [9, 7, 8];
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);
+        for density in [0.2, 0.3, 0.4, 0.6] {
+            let mask: Vec<bool> = (0..9 * 7 * 8).map(|_| random.random_bool(density)).collect();
+            let found = largest_component(&mask, shape).unwrap();
+            let size = found.iter().filter(|inside| **inside).count();
+            assert_eq!(size, largest_by_flooding(&mask, shape));
+            assert_eq!(size, largest_by_flooding(&found, shape), "in one piece");
+            assert!(found.iter().zip(&mask).all(|(found, mask)| !found || *mask));
+        }
+        assert_eq!(largest_component(&[false; 8], [2; 3]), None);
+    }
 }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 /// Exact for grids with orthogonal axes: one lower envelope of parabolas a line and axis
 /// (Felzenszwalb and Huttenlocher 2012, <https://doi.org/10.4086/toc.2012.v008a019>). Places
 /// outside of the image are as the border is.
-pub(super) fn distance_to_outside(mask: &[bool], grid: &Grid, cap_mm: f64) -> Vec<f32> {
+pub fn distance_to_outside(mask: &[bool], grid: &Grid, cap_mm: f64) -> Vec<f32> {
     let [ni, nj, nk] = grid.shape;
     let spacing = grid.spacing_mm();
     let cap = (cap_mm * cap_mm) as f32;

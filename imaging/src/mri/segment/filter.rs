@@ -1,22 +1,31 @@
 //! Separable filters on regular grids: box blur, maximum, minimum.
 
+use crate::mri::nearest_seed::transpose;
+use rayon::prelude::*;
+
 /// Applies `line` to every grid line along `axis`; `line` sees the values in order and writes back.
 fn for_each_line(
     values: &mut [f32],
-    shape: [usize; 3],
+    [ni, nj, nk]: [usize; 3],
     axis: usize,
-    mut line: impl FnMut(&[f32], &mut [f32]),
+    line: impl Fn(&[f32], &mut [f32]) + Sync,
 ) {
-    let stride: usize = shape[..axis].iter().product();
-    let n = shape[axis];
-    let (mut from, mut to) = (vec![0.0; n], vec![0.0; n]);
-    for start in (0..values.len()).filter(|s| (s / stride).is_multiple_of(n)) {
-        for i in 0..n {
-            from[i] = values[start + i * stride];
-        }
-        line(&from, &mut to);
-        for i in 0..n {
-            values[start + i * stride] = to[i];
+    let apply = |values: &mut [f32]| {
+        let from = values.to_vec();
+        line(&from, values);
+    };
+    match axis {
+        0 => values.par_chunks_mut(ni).for_each(apply),
+        // Turned, so that the lines are contiguous.
+        1 => values.par_chunks_mut(ni * nj).for_each(|slice| {
+            let mut turned = transpose(slice, ni, nj);
+            turned.chunks_mut(nj).for_each(apply);
+            slice.copy_from_slice(&transpose(&turned, nj, ni));
+        }),
+        _ => {
+            let mut turned = transpose(values, ni * nj, nk);
+            turned.par_chunks_mut(nk).for_each(apply);
+            values.copy_from_slice(&transpose(&turned, nk, ni * nj));
         }
     }
 }

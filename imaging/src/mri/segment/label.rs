@@ -65,7 +65,20 @@ pub(super) fn body_mask(
                         > body::air_below(shaded.field.fat(&p), shaded.field.brightest));
         }
     });
-    mask
+    // Noise beside the body: the majority of a neighbourhood in the slice decides, and what does not
+    // hang together with the body is none.
+    let [ni, nj, _] = grid.shape;
+    let noisy = mask.clone();
+    mask.par_chunks_mut(slice).zip(noisy.par_chunks(slice)).for_each(|(mask, noisy)| {
+        for j in 1..nj - 1 {
+            for i in 1..ni - 1 {
+                let row = |j: usize| noisy[j * ni + i - 1..j * ni + i + 2].iter();
+                let around = row(j - 1).chain(row(j)).chain(row(j + 1));
+                mask[j * ni + i] = around.filter(|inside| **inside).count() > 4;
+            }
+        }
+    });
+    body::largest_component(&mask, grid.shape).unwrap_or(mask)
 }
 
 /// Index of the nearest voxel of a grid along the body's axes.
@@ -89,11 +102,11 @@ pub(super) fn assign(
     let grid = &brightness.grid;
     let slice = grid.shape[0] * grid.shape[1];
     let rows = height_range(&wall.polar);
-    let place = |n: usize, p: &Vec3| {
+    let place = |inside: bool, p: &Vec3| {
         let (radius, at) = wall.polar.locate(p);
         let seen = !wall.whole_back || wall.polar.holds(at);
         let behind = radius < f64::from(wall.polar.value(&wall.front, at));
-        if !(mask[n] || (seen && behind)) {
+        if !(inside || (seen && behind)) {
             return Place::Air;
         }
         if behind {
@@ -114,9 +127,14 @@ pub(super) fn assign(
     places.par_chunks_mut(slice).enumerate().for_each(|(k, places)| {
         for (n, slot) in places.iter_mut().enumerate() {
             let n = k * slice + n;
-            *slot = place(n, &body_point(n));
+            *slot = place(mask[n], &body_point(n));
         }
     });
+    // A dark spot that no path of air leads to is a vessel.
+    let air: Vec<bool> = places.iter().map(|place| *place == Place::Air).collect();
+    for n in body::enclosed(&air, grid.shape) {
+        places[n] = place(true, &body_point(n));
+    }
     let depth = depth::distance_to_outside(mask, grid, skin_mm + 12.0);
     let half_voxel = 0.5 * grid.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
     let skin_depth = (skin_mm + half_voxel) as f32;

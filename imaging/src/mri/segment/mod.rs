@@ -30,6 +30,7 @@ mod phantom;
 #[cfg(test)]
 mod tests;
 
+pub(super) use depth::distance_to_outside;
 pub use error::{Border, SegmentError, Warning};
 pub use tissue::Classes;
 pub use wall::NOMINAL_MUSCLE_MM;
@@ -103,6 +104,9 @@ pub struct Limits {
     pub left_z_mm: [f64; 2],
 }
 
+/// A wall that is seen on less than this part of it is a guess.
+const LEAST_SEEN: f64 = 0.35;
+
 /// Segments a scan. Deterministic; the image needs bright fat and dark muscle (T2 or T1 weighted,
 /// without fat suppression).
 pub fn segment(
@@ -165,6 +169,9 @@ pub fn segment(
 
     let wall_seen =
         wall.contrast.iter().filter(|c| **c > 0.3).count() as f64 / wall.contrast.len() as f64;
+    if wall_seen < LEAST_SEEN {
+        return Err(SegmentError::NoChestWall);
+    }
     if wall_seen < 0.6 {
         warnings.push(Warning::FaintWall { percent: 100.0 * wall_seen });
     }

@@ -18,8 +18,22 @@ use rayon::prelude::*;
 pub const NOMINAL_MUSCLE_MM: f64 = 10.0;
 /// Thickness (mm) of the muscle at the sternum and at the side where its rear is not seen.
 const NOMINAL_THIN_MM: f64 = 4.0;
-/// Tissue darker than this fraction of fat is not fat.
-const FAT_ABOVE: f32 = 0.55;
+/// Tissue darker than a fraction of fat is not fat. Between these two the image decides: muscle
+/// and liver have a tenth to a quarter of fat's brightness in a T2 weighted image, two fifths to
+/// three fifths in a T1 weighted one.
+const FAT_ABOVE: [f32; 2] = [0.55, 0.75];
+/// Heart, lungs and liver are looked at within this distance of the thorax' axis (mm).
+const ORGANS_WITHIN_MM: f64 = 60.0;
+/// Height (mm) of the part of the body in which they are: the liver fills only its lower end.
+const ORGANS_HEIGHT_MM: f64 = 30.0;
+/// Quantile of their brightness that stands for the brighter ones.
+const BRIGHTER_ORGANS: f64 = 0.75;
+/// Half width (rad) of the sector in front of the sternum: there lies no gland ...
+const STERNAL: f64 = 10.0 * std::f64::consts::PI / 180.0;
+/// ... and the wall not deeper than this under the surface (mm), or else a breast lies there.
+const DEEPEST_STERNUM_MM: f32 = 35.0;
+/// Where brightness falls below this fraction of the fat in front of it, fat ends.
+const FAT_ENDS: f32 = 0.7;
 /// Skin and fat in front of the wall are at least this thick (mm).
 const THINNEST_COVER_MM: f32 = 3.0;
 /// The wall is hardly ever further inside than this from its first approximation (mm).
@@ -82,16 +96,26 @@ pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body) -> Option<Wal
         values: body.mask.iter().map(|&b| f32::from(u8::from(b))).collect(),
     };
     let surface = outermost(&polar, &tissue);
-    let core = dark_core(work, &tissue);
+    let fat_above = fat_above(work, body);
+    let core = dark_core(work, &tissue, &fat_above);
     let mut outer_dark = outermost(&polar, &core);
     // Bridges the gaps between ribs, where thin muscle is lost.
     let [n_u, n_v] = polar.shape;
     filter::maximum(&mut outer_dark, [n_u, n_v, 1], 3);
+    // The marrow of the sternum is as bright as fat: there the core is behind it.
+    for column in 0..polar.len() {
+        if (polar.angle(column) - std::f64::consts::FRAC_PI_2).abs() < STERNAL
+            && let Some(radius) = end_of_fat(&polar, work, column, surface[column])
+        {
+            outer_dark[column] = radius;
+        }
+    }
     let prior = near_elliptic(&polar, &outer_dark, &surface)?;
     fill_inside(&mut tissue, &polar, &prior, COVER_OF_PRIOR_MM);
-    let rough = search_front(&polar, work, &tissue, &prior, &surface);
+    let rough = search_front(&polar, work, &tissue, &prior, &surface, &fat_above);
     let (mut front, contrast) = refine(&polar, fine, &rough);
-    for (front, surface) in front.iter_mut().zip(&surface) {
+    // Columns that leave the image inside of the body show no surface.
+    for (front, surface) in front.iter_mut().zip(&surface).filter(|(_, surface)| **surface > 0.0) {
         *front = front.min(surface - THINNEST_COVER_MM).max(1.0);
     }
     let (rear, rear_seen) = search_rear(&polar, fine, &front, &contrast);
@@ -128,16 +152,56 @@ fn outermost(polar: &Polar, mask: &Volume<f32>) -> Vec<f32> {
     (0..polar.len()).into_par_iter().map(of_column).collect()
 }
 
+/// What parts fat and darker tissue, in units of fat, in each slice of the work grid: a third of the
+/// way from the brighter organs behind the wall to fat.
+fn fat_above(work: &Volume<f32>, body: &Body) -> Vec<f32> {
+    let grid = &work.grid;
+    let slice = grid.shape[0] * grid.shape[1];
+    let near_axis = |n: &usize| {
+        let p = grid.center(grid.voxel(*n));
+        body.mask[*n] && (p.x - body.axis[0]).hypot(p.y - body.axis[1]) < ORGANS_WITHIN_MM
+    };
+    let around = (0.5 * ORGANS_HEIGHT_MM / grid.spacing_mm()[2]) as usize;
+    let of_slice = |k: usize| {
+        let slices = k.saturating_sub(around)..(k + around + 1).min(grid.shape[2]);
+        let voxels = slices.start * slice..slices.end * slice;
+        let mut organs: Vec<f64> =
+            voxels.filter(near_axis).map(|n| f64::from(work.values[n])).collect();
+        let bright = body::quantile(&mut organs, BRIGHTER_ORGANS).unwrap_or(0.0) as f32;
+        (bright + (1.0 - bright) / 3.0).clamp(FAT_ABOVE[0], FAT_ABOVE[1])
+    };
+    (0..grid.shape[2]).into_par_iter().map(of_slice).collect()
+}
+
+/// Radius at which the fat under the skin of a column ends; `None` when it is too thick for the
+/// sternum to lie behind it.
+fn end_of_fat(polar: &Polar, work: &Volume<f32>, column: usize, surface: f32) -> Option<f32> {
+    const STEP_MM: f32 = 0.5;
+    let to_voxel = work.grid.to_voxel();
+    let mut brightest = 0.0f32;
+    let steps = (DEEPEST_STERNUM_MM / STEP_MM) as usize;
+    let radii = (0..steps).map(|n| surface - n as f32 * STEP_MM).take_while(|r| *r > 0.0);
+    for radius in radii {
+        let value = sample_clamped(work, &to_voxel.apply(&polar.point(column, f64::from(radius))));
+        brightest = brightest.max(value);
+        if brightest > FAT_ABOVE[1] && value < FAT_ENDS * brightest {
+            return Some(radius);
+        }
+    }
+    None
+}
+
 /// Dark tissue that hangs together with the inside of the thorax through more than thin bridges:
 /// neither skin nor gland behind a layer of fat.
-fn dark_core(work: &Volume<f32>, tissue: &Volume<f32>) -> Volume<f32> {
+fn dark_core(work: &Volume<f32>, tissue: &Volume<f32>, fat_above: &[f32]) -> Volume<f32> {
     let shape = work.grid.shape;
     let mut smooth = work.values.clone();
     filter::box_blur(&mut smooth, shape, [1; 3]);
     let mut near_air: Vec<f32> = tissue.values.iter().map(|b| 1.0 - b).collect();
     filter::maximum(&mut near_air, shape, 2);
-    let dark: Vec<bool> =
-        (0..smooth.len()).map(|n| near_air[n] < 0.5 && smooth[n] < FAT_ABOVE).collect();
+    let dark: Vec<bool> = (0..smooth.len())
+        .map(|n| near_air[n] < 0.5 && smooth[n] < fat_above[n / (shape[0] * shape[1])])
+        .collect();
     let mut light: Vec<f32> = dark.iter().map(|&d| f32::from(u8::from(!d))).collect();
     filter::maximum(&mut light, shape, 1);
     let eroded: Vec<bool> = light.iter().map(|&l| l < 0.5).collect();
@@ -200,8 +264,8 @@ fn near_elliptic(polar: &Polar, outer_dark: &[f32], surface: &[f32]) -> Option<V
 }
 
 /// How much a brightness (in units of fat) is muscle rather than gland or fat: 1 at none.
-fn muscle_like(brightness: f32) -> f32 {
-    (1.0 - brightness / FAT_ABOVE).max(0.0)
+fn muscle_like(brightness: f32, fat_above: f32) -> f32 {
+    (1.0 - brightness / fat_above).max(0.0)
 }
 
 /// The surface from bright outside to dark inside that is smoothest, near the prior.
@@ -211,6 +275,7 @@ fn search_front(
     tissue: &Volume<f32>,
     prior: &[f32],
     surface: &[f32],
+    fat_above: &[f32],
 ) -> Vec<f32> {
     let n_offset = (2.0 * BAND_MM / STEP_MM) as usize + 1;
     let (inner, outer) = (5usize, 17usize);
@@ -218,6 +283,8 @@ fn search_front(
     let mut cost = vec![0.0f32; polar.len() * n_offset];
     cost.par_chunks_mut(n_offset).enumerate().for_each(|(column, cost)| {
         let start = f64::from(prior[column]) - BAND_MM;
+        let slice = (polar.height(column) - work.grid.origin.z) / work.grid.spacing_mm()[2];
+        let fat_above = fat_above[(slice.max(0.0) as usize).min(fat_above.len() - 1)];
         // Brightness along the ray; outside of the body it counts as fat, to bear thin layers.
         let profile: Vec<f32> = (0..n_offset + inner + outer)
             .map(|n| {
@@ -233,7 +300,8 @@ fn search_front(
         for (n, cost) in cost.iter_mut().enumerate() {
             let at = n + inner;
             let edge = mean(at + 1..at + 5) - mean(at - 4..at);
-            let muscle_outside = profile[at + 1..at + outer].iter().map(|b| muscle_like(*b));
+            let muscle_outside =
+                profile[at + 1..at + outer].iter().map(|b| muscle_like(*b, fat_above));
             let dark_outside = muscle_outside.sum::<f32>() / (outer - 1) as f32;
             let radius = start + n as f64 * STEP_MM;
             let off = ((radius - f64::from(prior[column])).abs() / BAND_MM) as f32;
