@@ -242,36 +242,38 @@ fn same_place(a: &Grid, b: &Grid) -> bool {
     a.shape == b.shape && apart.fold(0.0, f64::max) < 0.1 * least
 }
 
-/// A border that the gland or fat of a breast reaches; upper and lower borders may cut the torso,
-/// whose fat beside the breasts is labelled like them.
+/// Area (mm²) of breast on the front border that means a cut breast.
+const CUT_FRONT_MM2: f64 = 500.0;
+/// The same on the left and right borders, where the fat of the flank may touch.
+const CUT_SIDE_MM2: f64 = 3000.0;
+
+/// A border that cuts gland and fat of a breast; upper and lower borders may cut the torso, whose
+/// fat beside the breasts is labelled like them.
 fn cut_breast(labels: &Volume<Tissue>) -> Option<&'static str> {
-    use Tissue::{
-        AdiposeLeft, AdiposeRight, FibroglandularLeft, FibroglandularRight, NippleAreola,
-    };
-    let breast = [AdiposeLeft, AdiposeRight, FibroglandularLeft, FibroglandularRight, NippleAreola];
-    let shape = labels.grid.shape;
-    let names = [["left", "right"], ["rear", "front"], ["lower", "upper"]];
-    for (n, tissue) in labels.values.iter().enumerate() {
-        if !breast.contains(tissue) {
-            continue;
-        }
-        let voxel = labels.grid.voxel(n);
+    let grid = &labels.grid;
+    let mut area = [0.0; 3];
+    for (n, _) in labels.values.iter().enumerate().filter(|(_, tissue)| tissue.is_breast()) {
+        let voxel = grid.voxel(n);
         for axis in 0..3 {
             let end = match voxel[axis] {
                 0 => -1.0,
-                v if v + 1 == shape[axis] => 1.0,
+                v if v + 1 == grid.shape[axis] => 1.0,
                 _ => continue,
             };
-            let outward = end * labels.grid.axes.column(axis);
+            let outward = end * grid.axes.column(axis);
             let world = outward.iamax();
-            let toward = usize::from(outward[world] > 0.0);
-            let front = world == 1 && toward == 1;
-            if world == 0 || front {
-                return Some(names[world][toward]);
+            let face_mm2 = grid.voxel_mm3() / outward.norm();
+            match (world, outward[world] > 0.0) {
+                (0, false) => area[0] += face_mm2,
+                (0, true) => area[1] += face_mm2,
+                (1, true) => area[2] += face_mm2,
+                _ => {}
             }
         }
     }
-    None
+    let borders = [("left", CUT_SIDE_MM2), ("right", CUT_SIDE_MM2), ("front", CUT_FRONT_MM2)];
+    let cut = borders.into_iter().zip(area).find(|((_, allowed), area)| area > allowed);
+    cut.map(|((name, _), _)| name)
 }
 
 #[cfg(test)]

@@ -308,3 +308,43 @@ impl Artifact for Compression {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mammotwin_data::study;
+
+    /// A triangle of skin 30 mm high stands for the breast.
+    fn closing(stop: &str, edge_mm: f64) -> Result<press::Closing, Failure> {
+        let text = format!(
+            "schema = 1\nsubject = {{ id = \"x\" }}\n[poses.prone]\nimage = \"x.nii\"\n\
+             posture = \"prone\"\n[compress]\nside = \"right\"\nchest_wall_distance_mm = 20.0\n\
+             stop = {stop}\nlaw = {{ name = \"neo_hookean\" }}\n"
+        );
+        let study = study::parse(&text).unwrap();
+        let compress = Compress { model: study.model, plan: study.compress.unwrap() };
+        let plates = press::Plates {
+            axis: Vec3::z(),
+            away: Vec3::y(),
+            edge_mm,
+            radius_mm: EDGE_RADIUS_MM,
+            faces: vec![[0, 1, 2]],
+        };
+        let points = [[0.0, 40.0, -10.0], [0.0, 40.0, 20.0], [0.0, 50.0, 5.0]].map(Vec3::from);
+        compress.closing(&plates, &points, 2)
+    }
+
+    #[test]
+    fn a_gap_larger_than_the_breast_or_a_paddle_before_it_is_bad_input() {
+        assert!(closing("{ thickness_mm = 20.0 }", 30.0).is_ok());
+        for (stop, edge_mm, says) in [
+            ("{ thickness_mm = 35.0 }", 30.0, "more than the 30 mm of breast"),
+            ("{ thickness_mm = 20.0 }", 60.0, "bring the paddle nearer"),
+        ] {
+            match closing(stop, edge_mm) {
+                Err(Failure::BadInput(text)) => assert!(text.contains(says), "{text}"),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+}

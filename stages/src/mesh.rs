@@ -266,3 +266,39 @@ impl Stage for Mesh {
         Ok(BreastMesh { mesh, wall, anatomy, quality })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Skin at z = 0, the wall 1 mm under it on the left and 30 mm on the right.
+    #[test]
+    fn a_wall_close_under_the_skin_sinks_and_a_deep_one_stays() {
+        let grid = Grid::aligned([41, 3, 31], [3.0; 3], Vec3::new(-60.0, -3.0, -60.0));
+        let of = |value: &dyn Fn(Vec3) -> f64| Volume {
+            values: (0..grid.len()).map(|n| value(grid.center(grid.voxel(n))) as f32).collect(),
+            grid: grid.clone(),
+        };
+        let skin = GridDistance::new(&of(&|p| p.z));
+        let mut wall = of(&|p| p.z + if p.x < 0.0 { 1.0 } else { 30.0 });
+        let before = wall.clone();
+        sink(&mut wall, &skin, 6.0);
+        for n in 0..grid.len() {
+            let p = grid.center(grid.voxel(n));
+            if p.x < 0.0 {
+                assert!((f64::from(wall.values[n]) - (p.z + 6.0)).abs() < 1e-3, "{p}");
+            } else {
+                assert_eq!(wall.values[n], before.values[n]);
+            }
+        }
+    }
+
+    #[test]
+    fn the_soft_maximum_has_no_kink() {
+        assert_eq!((soft_max(1.0, 9.0, 3.0), soft_max(9.0, 1.0, 3.0)), (9.0, 9.0));
+        let slope = |a: f64| (soft_max(a + 1e-6, 0.0, 3.0) - soft_max(a - 1e-6, 0.0, 3.0)) / 2e-6;
+        for a in [-3.0, 0.0, 3.0] {
+            assert!((slope(a + 1e-4) - slope(a - 1e-4)).abs() < 1e-3, "{a}");
+        }
+    }
+}

@@ -16,6 +16,11 @@ pub fn check(arguments: &ReadArguments) -> Result<(), Failure> {
     } else {
         println!("{}", as_table(&found));
     }
+    refuse_wrong(&found)
+}
+
+/// Fails with the first finding that no run can be sound with.
+pub fn refuse_wrong(found: &[Finding]) -> Result<(), Failure> {
     let wrong: Vec<_> = found.iter().filter(|f| f.weight == Weight::Wrong).collect();
     match wrong.first() {
         None => Ok(()),

@@ -1,10 +1,11 @@
 //! `mammotwin run`: computes a study.
 
-use super::{Opened, open};
+use super::{Opened, check::refuse_wrong, open};
 use crate::{
     cli::{RunArguments, StudyArguments},
     display::Display,
     graph,
+    plausible::findings,
 };
 use mammotwin_data::{
     Failure,
@@ -51,8 +52,13 @@ pub fn summarize(opened: &Opened, entries: &[Entry]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Computes what the options ask for, with a display on standard error.
+/// Computes what the options ask for, with a display on standard error. Unless all is there
+/// already, files that cannot be what the study says are refused before anything is written.
 pub fn execute(opened: &Opened, options: &Options) -> Result<Pass<graph::Outcome>, Failure> {
+    let fresh = |pass: &Pass<_>| pass.entries.iter().all(|entry| entry.state == State::Fresh);
+    if !plan(opened, options).is_ok_and(|pass| fresh(&pass)) {
+        refuse_wrong(&findings(&opened.study, &opened.base))?;
+    }
     let display = Display::new();
     let Opened { study, base, store } = opened;
     let drive = Drive { store, base, options, listener: &display };

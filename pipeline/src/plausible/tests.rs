@@ -51,7 +51,17 @@ impl Folder {
 
     /// One voxel of each breast; the left one is at `voxel`.
     fn labels(&self, voxel: [usize; 3]) {
+        self.labels_of(voxel, |_| false);
+    }
+
+    /// The same, and more of the left breast.
+    fn labels_of(&self, voxel: [usize; 3], more: impl Fn([usize; 3]) -> bool) {
         let mut labels = Volume::filled(Self::grid(8.0), Tissue::Background);
+        for n in 0..labels.values.len() {
+            if more(labels.grid.voxel(n)) {
+                labels.values[n] = Tissue::AdiposeLeft;
+            }
+        }
         let right = labels.grid.index([12, 10, 10]);
         labels.values[right] = Tissue::AdiposeRight;
         let left = labels.grid.index(voxel);
@@ -108,9 +118,9 @@ fn an_image_in_metres_is_found() {
 #[test]
 fn labels_that_miss_or_cut_a_breast_or_lie_elsewhere_are_found() {
     let folder = Folder::new();
-    folder.labels([0, 10, 10]);
+    folder.labels_of([8, 10, 10], |[i, j, _]| i == 0 && j > 5);
     folder.says("poses.prone.labels", Weight::Wrong, "left border");
-    folder.labels([8, 19, 10]);
+    folder.labels_of([8, 10, 10], |[i, j, k]| j == 19 && i < 10 && k == 10);
     folder.says("poses.prone.labels", Weight::Wrong, "front border");
     folder.labels([12, 10, 10]);
     folder.says("poses.prone.labels", Weight::Wrong, "label 1 or 3");

@@ -98,6 +98,11 @@ mod tests {
         );
         let twice = right.tets.len() + left.tets.len() - whole.tets.len();
         assert!(twice < 20, "{twice} tetrahedra kept where the cut would touch itself");
+        let edges = whole.tets.iter().flat_map(|&[a, b, c, d]| {
+            [[a, b], [a, c], [a, d], [b, c], [b, d], [c, d]]
+                .map(|e| e.map(|n| whole.points[n as usize]))
+        });
+        let longest = edges.map(|[a, b]| (a - b).norm()).fold(0.0, f64::max);
         for half in [&right, &left] {
             assert_eq!(half.take(&whole.points), half.mesh.points);
             assert_eq!(euler_characteristic(&half.mesh.tets), 1);
@@ -105,8 +110,12 @@ mod tests {
             assert!(pinched_nodes(&outer).is_empty());
             let outside: f64 = half.mesh.outer_surface().volume_mm3();
             assert!((outside / half.mesh.volume_mm3() - 1.0).abs() < 1e-9);
+            // A corner lies up to three quarters of an edge beyond the centroid; what stays where the
+            // cut would touch itself, an edge more.
             let medial = half.mesh.patch_nodes(Patch::Medial);
-            assert!(medial.iter().all(|&n| half.mesh.points[n as usize].x.abs() < 12.0));
+            let beyond = medial.iter().map(|&n| half.mesh.points[n as usize].x.abs());
+            let farthest = beyond.fold(0.0, f64::max);
+            assert!(farthest < 1.75 * longest, "{farthest} mm, edges up to {longest} mm");
         }
         assert!(right.mesh.patch(Patch::LateralLeft).is_empty());
         assert_eq!(

@@ -1,6 +1,7 @@
 //! From a header's affine to a grid in RAS millimetres, and what to call it.
 //!
-//! A header whose left and right are mirrored looks like any other: only the picture can tell.
+//! A header whose left and right are mirrored looks like any other unless sform and qform
+//! contradict each other: else only the picture can tell.
 
 use super::{Refusal, header::Header};
 use crate::{Mat3, Vec3, volume::Grid};
@@ -55,6 +56,13 @@ pub(super) fn grid(
     let (axes, origin) = match (sform, qform) {
         (Some(s), q) => {
             if let Some(Ok(q)) = q {
+                if s.0.determinant() * q.0.determinant() < 0.0 {
+                    return Err(Refusal::new(
+                        "sform, qform",
+                        "are mirror images of each other: left and right of the image are unknown",
+                        "set both in a viewer that shows the person's right side",
+                    ));
+                }
                 let apart = (s.0 - q.0).norm().max((s.1 - q.1).norm());
                 if !(apart <= 1e-3 * s.0.norm().max(1.0)) {
                     warnings.push("qform and sform disagree: the sform is used".into());
