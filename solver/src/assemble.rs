@@ -321,7 +321,7 @@ impl Assembly {
         self.unknowns[node][axis] != NONE
     }
 
-    /// Adds `factor` times the convex stiffness of [`Term::shift`] to a matrix.
+    /// Adds `factor` times the convex stiffness of [`crate::terms::Term::shift`] to a matrix.
     pub fn add_shift(&self, factor: f64, values: &mut [f64]) {
         for &(at, stiffness) in &self.shift {
             values[at as usize] += factor * stiffness;
