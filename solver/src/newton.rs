@@ -137,7 +137,10 @@ impl Newton {
                     let longest = if shift > 0.0 { stride(&direction) } else { 1.0 };
                     match self.search(model, state, energy, &direction, longest) {
                         Ok(found) => break found,
-                        Err(cause) => ran_into = cause,
+                        Err(cause) => {
+                            tracing::trace!(shift, longest, ?cause, "no step goes down");
+                            ran_into = cause;
+                        }
                     }
                 }
                 shift = f64::max(LEAST_SHIFT, shift * SHIFT_GROWTH);
@@ -158,6 +161,9 @@ impl Newton {
     /// Moves a state that is in balance along the path of equilibria towards the load `target`, to
     /// first order, as far as the energy there falls; the state's load becomes `target`.
     pub fn predict(&mut self, model: &Model, state: &mut State, target: Load) {
+        if state.load == target {
+            return;
+        }
         let mut moved = state.clone();
         moved.load = Load::between(state.load, target, NEARBY);
         let forces = [&*state, &moved].map(|s| self.assembly.term_gradients(model, s));
@@ -225,7 +231,9 @@ impl Newton {
         }
         // More negative pivots than pressures: the energy is not convex here, and Newton's step
         // leads to a saddle.
-        if self.system.negative_pivots() != self.assembly.pressures() {
+        let (negative, pressures) = (self.system.negative_pivots(), self.assembly.pressures());
+        if negative != pressures {
+            tracing::trace!(shift, negative, pressures, "not convex");
             return None;
         }
         let rhs = self.assembly.right_hand_side(&self.gradient);

@@ -101,6 +101,13 @@ impl Compression {
         both.filter(|&(pressure, area)| pressure > 0.0 && area > 0.0).collect()
     }
 
+    /// The stress-free mesh and the solution in the frame of the reference pose.
+    pub fn in_reference_pose(&self) -> (TetMesh, Solution) {
+        let back = self.to_detector.inverse();
+        let points = self.mesh.points.iter().map(|p| back.point(p)).collect();
+        (TetMesh { points, ..self.mesh.clone() }, self.solution.moved(&back))
+    }
+
     /// Volume (mm³) of each compressed tetrahedron.
     pub fn volumes_mm3(&self) -> Vec<f64> {
         let volume = |tet| TetMesh::tet_volume(&self.solution.points, tet);
@@ -111,8 +118,9 @@ impl Compression {
 impl Stage for Compress {
     const NAME: &'static str = "compress";
     const VERSION: u32 = 2;
-    const METHODS: &'static str = "The breast was compressed between two frictionless rigid plates with rounded edges, \
-         from its stress-free shape and without gravity (the thesis neglects its prestress, too).";
+    const METHODS: &'static str = "The breast was compressed between two frictionless rigid plates, their rounded edges \
+         along the chest wall under it, from its stress-free shape and without gravity (the thesis \
+         neglects its prestress, too).";
     type Input = (BreastMesh, Calibration);
     type Output = Compression;
 

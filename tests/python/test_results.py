@@ -44,6 +44,15 @@ def test_every_dataset_says_its_units_and_its_meaning(file):
         assert len(dataset.attrs["long_name"]) > 2, name
 
 
+def test_the_compressed_breast_lies_where_the_poses_lie(file):
+    states = file["states"]
+    if "compressed" not in states:
+        pytest.skip("no compression")
+    whole = next(states[name]["rest/points"][()] for name in states if name != "compressed")
+    for point in states["compressed"]["rest/points"][()][::20]:
+        assert np.linalg.norm(whole - point, axis=1).min() < 1e-6, point
+
+
 def test_every_number_is_finite(file):
     for name, dataset in datasets(file).items():
         if dataset.dtype.kind == "f" and name != "metrics/thesis":

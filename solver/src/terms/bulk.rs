@@ -13,7 +13,7 @@
 //! the bulk stiffness is a multiple of μ, not of K: it keeps very soft tissue from collapsing
 //! between pressure nodes without bringing back the locking.
 
-use super::solid::Point;
+use super::solid::{self, Point};
 use super::{At, Block, Order, Term};
 use crate::materials::{InvariantEnergy, Law, Material, MaterialError};
 use crate::model::ModelError;
@@ -147,12 +147,7 @@ impl Term for Bulk {
     }
 
     fn raise_shear(&self, shear_kpa: &mut [f64]) {
-        for (tet, law) in self.tets.iter().zip(&self.laws) {
-            for &n in tet {
-                let shear = &mut shear_kpa[n as usize];
-                *shear = shear.max(law.shear_kpa());
-            }
-        }
+        solid::raise_shear(&self.tets, &self.laws, shear_kpa);
     }
 
     fn report(&self, at: &At, solution: &mut Solution) {

@@ -3,7 +3,7 @@
 //! Displacement alone, quadratic between corners and edge nodes; edges may be curved. The strain of
 //! a straight element is linear, so that it hardly locks even at a Poisson's ratio of 0.499.
 
-use super::solid::Point;
+use super::solid::{self, Point};
 use super::{At, Block, Order, Term};
 use crate::materials::{InvariantEnergy, Law, Material, MaterialError};
 use crate::mesh::quadratic::{QuadraticMesh, TET_EDGES};
@@ -187,12 +187,7 @@ impl Term for QuadraticBulk {
     }
 
     fn raise_shear(&self, shear_kpa: &mut [f64]) {
-        for (tet, law) in self.tets.iter().zip(&self.laws) {
-            for &n in tet {
-                let shear = &mut shear_kpa[n as usize];
-                *shear = shear.max(law.shear_kpa());
-            }
-        }
+        solid::raise_shear(&self.tets, &self.laws, shear_kpa);
     }
 
     /// Deformation and stress are those of the first quadrature point with the smallest det F.

@@ -17,6 +17,16 @@ pub(super) struct Point<'a, const N: usize> {
     pub pressure_kpa: f64,
 }
 
+/// Raises the shear modulus (kPa) of each node to that of the stiffest element around it.
+pub(super) fn raise_shear<const N: usize>(tets: &[[u32; N]], laws: &[Law], shear_kpa: &mut [f64]) {
+    for (tet, law) in tets.iter().zip(laws) {
+        for &n in tet {
+            let shear = &mut shear_kpa[n as usize];
+            *shear = shear.max(law.shear_kpa());
+        }
+    }
+}
+
 /// Dilatation of a point.
 pub(super) struct Dilated<const N: usize> {
     /// θ(J).

@@ -5,6 +5,7 @@
 //! mixing over the last iterations (Walker & Ni, *SIAM J. Numer. Anal.* 49 (2011) 1715). A step to
 //! a rest shape that misses by more, or cannot carry its load, is halved.
 
+use super::gmres::dot;
 use super::supports::{normals, onto_surfaces, tangential};
 use super::transport::pull_back;
 use super::{Method, Miss, Options};
@@ -117,7 +118,6 @@ fn mixed_step(past: &[Iterate], now: &Iterate) -> Vec<Vec3> {
             (miss, rest)
         })
         .collect();
-    let dot = |a: &[Vec3], b: &[Vec3]| a.iter().zip(b).map(|(a, b)| a.dot(b)).sum::<f64>();
     let n = changes.len();
     let mut normal = DMatrix::from_fn(n, n, |r, c| dot(&changes[r].0, &changes[c].0));
     // Nearly equal iterates must not blow up the weights.

@@ -2,7 +2,8 @@
 //!
 //! The loaded positions x are known, the rest positions X are the unknowns of r(x; X) = 0, the
 //! out-of-balance forces (Govindjee & Mihalic, *Comput. Methods Appl. Mech. Eng.* 136 (1996) 47).
-//! The supports are known too: fixed nodes rest where they are held, gliding nodes rest on their surface, which takes up any normal force.
+//! The supports are known too: fixed nodes rest where they are held, gliding nodes rest on their
+//! surface, which takes up any normal force.
 //!
 //! With F from `transport`, ∂r/∂X ≈ -K F with the stiffness K of the loaded body. Newton's
 //! equations are therefore solved by GMRES on K⁻¹ (∂r/∂X) (-F⁻¹), which is near the identity, with

@@ -36,7 +36,7 @@ bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "";
     type Input = (
         BreastMesh,
@@ -82,11 +82,11 @@ impl Stage for Deliver {
                 c.contact_pressure_kpa.clone(),
             )]
         });
+        let squeezed = compression.as_ref().map(Compression::in_reference_pose);
         let mut curves = Vec::new();
-        if let Some(c) = compression {
+        if let (Some(c), Some((rest, solution))) = (compression, &squeezed) {
             let point_fields = pressure.as_ref().map_or(&[][..], |fields| &fields[..]);
             let long_name = "Compressed between paddle and receptor";
-            let (rest, solution) = (&c.mesh, &c.solution);
             states.push(State { name: "compressed", long_name, rest, solution, point_fields });
             curves.push(force_thickness(c));
         }
