@@ -25,7 +25,8 @@ pub struct Plates {
     pub edge_mm: f64,
     /// Radius of the rounded edges (mm).
     pub radius_mm: f64,
-    /// Skin that the plates may touch.
+    /// Skin that the plates may touch; nodes that the model fixes are not touched: no force of a
+    /// plate would move them out of its way.
     pub faces: Vec<[u32; 3]>,
 }
 
@@ -98,7 +99,7 @@ impl Plates {
         (low, high - low)
     }
 
-    fn plate(&self, kind: PlateKind, points: &[Vec3]) -> Plate {
+    fn plate(&self, kind: PlateKind, model: &Model) -> Plate {
         let into = match kind {
             PlateKind::Receptor => -self.axis,
             PlateKind::Paddle => self.axis,
@@ -109,7 +110,8 @@ impl Plates {
             edge_mm: self.edge_mm,
             radius_mm: self.radius_mm,
         };
-        Plate::new(kind, shape, points, &self.faces)
+        let fixed = |n: u32| model.fixed()[n as usize] == [true; 3];
+        Plate::new(kind, shape, &model.rest, &self.faces).without(fixed)
     }
 
     /// # Errors
@@ -170,8 +172,8 @@ pub fn compress(
 ) -> Result<Compressed, SolveError> {
     let refuse = |error: ModelError| SolveError::Assembly(error.into());
     plates.check(closing).map_err(refuse)?;
-    let receptor = plates.plate(PlateKind::Receptor, &model.rest);
-    let paddle = plates.plate(PlateKind::Paddle, &model.rest);
+    let receptor = plates.plate(PlateKind::Receptor, &model);
+    let paddle = plates.plate(PlateKind::Paddle, &model);
     let indices = [model.terms().len(), model.terms().len() + 1];
     model.add(receptor.clone()).map_err(refuse)?;
     model.add(paddle.clone()).map_err(refuse)?;

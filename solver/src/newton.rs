@@ -149,7 +149,17 @@ impl Newton {
                 }
             };
             energy = lower;
-            tracing::trace!(iteration, energy, unbalanced, shift, length, "newton");
+            let place_mm = state.points[node];
+            tracing::trace!(
+                iteration,
+                energy,
+                unbalanced,
+                node,
+                ?place_mm,
+                shift,
+                length,
+                "newton"
+            );
             shift /= if length == 1.0 { FAST_FADING } else { FADING };
             if shift < LEAST_SHIFT {
                 shift = 0.0;

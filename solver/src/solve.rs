@@ -176,6 +176,7 @@ fn balance(
         counts.iterations += *found.as_ref().unwrap_or(&options.newton.max_iterations);
         found.map_err(Failure::Newton)?;
         let contact = state.contact(model);
+        tracing::debug!(?contact, load = ?state.load, "contact after a minimum");
         let open = contact.gap_mm.max(contact.penetration_mm);
         if open <= options.contact_mm {
             return Ok(());

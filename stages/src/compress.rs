@@ -117,7 +117,7 @@ impl Compression {
 
 impl Stage for Compress {
     const NAME: &'static str = "compress";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "The breast was compressed between two frictionless rigid plates, their rounded edges \
          along the chest wall under it, from its stress-free shape and without gravity (the thesis \
          neglects its prestress, too).";
@@ -167,14 +167,11 @@ impl Stage for Compress {
         }
         let near = |n: &u32| base.radius(&part.mesh.points[*n as usize]) < TOUCHED_RADIUS;
         let skin = part.mesh.patch(Patch::Skin).iter();
-        // She turns until the plates' edge lies along the chest wall under her breast.
-        let axis = Vec3::z();
-        let away = (base.normal - axis * base.normal.dot(&axis)).normalize();
-        let edge_mm = away.dot(&base.center) + self.plan.chest_wall_distance_mm;
+        // She turns and leans until the plates' edges lie along the chest wall under her breast.
         let plates = press::Plates {
-            axis,
-            away,
-            edge_mm,
+            axis: base.cranial,
+            away: base.normal,
+            edge_mm: base.normal.dot(&base.center) + self.plan.chest_wall_distance_mm,
             radius_mm: EDGE_RADIUS_MM,
             faces: skin.filter(|face| face.iter().all(near)).copied().collect(),
         };
@@ -211,7 +208,8 @@ impl Compress {
                 self.plan.chest_wall_distance_mm
             )));
         }
-        let middle = points[nipple_node as usize].z.clamp(low, low + height);
+        let nipple = plates.axis.dot(&points[nipple_node as usize]);
+        let middle = nipple.clamp(low, low + height);
         let thickness_mm = 2.0 * (low + height - middle).max(middle - low);
         let stop = match self.plan.stop {
             Stop::ThicknessMm(goal) if goal >= height => {

@@ -38,6 +38,15 @@ impl Plate {
         Self { kind, shape, nodes, areas }
     }
 
+    /// The same plate, which leaves some nodes alone.
+    pub fn without(mut self, left_alone: impl Fn(u32) -> bool) -> Self {
+        let touched = |n: &u32| !left_alone(*n);
+        let areas = self.nodes.iter().zip(&self.areas).filter(|(n, _)| touched(n));
+        self.areas = areas.map(|(_, area)| *area).collect();
+        self.nodes.retain(touched);
+        self
+    }
+
     fn distance(&self, element: usize, points: &[Vec3], load: &Load) -> (f64, Vec3, Mat3) {
         let level = match self.kind {
             PlateKind::Receptor => -load.receptor_mm,
