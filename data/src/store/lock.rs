@@ -6,6 +6,8 @@ use std::{
     io::{Read, Seek, Write},
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
+    thread,
+    time::Duration,
 };
 
 /// What to do when another process holds the lock.
@@ -71,10 +73,21 @@ pub(super) fn holder(path: &Path) -> Option<String> {
     }
 }
 
+/// How often, and after how long, the name of a holder that has just locked is looked for.
+const LOOKS: usize = 50;
+const BETWEEN_LOOKS: Duration = Duration::from_millis(1);
+
+/// Who holds a locked file. The holder writes its name right after it has locked, not with it.
 fn read_holder(file: &mut File) -> String {
-    let mut text = String::new();
-    let _ = file.read_to_string(&mut text);
-    if text.is_empty() { "another process".into() } else { text.trim().into() }
+    for _ in 0..LOOKS {
+        let mut text = String::new();
+        let _ = file.rewind().and_then(|()| file.read_to_string(&mut text));
+        if text.ends_with('\n') {
+            return text.trim().into();
+        }
+        thread::sleep(BETWEEN_LOOKS);
+    }
+    "another process".into()
 }
 
 /// `process 4711 on lab3 (mammotwin run)`: the command without its arguments, which may be private.
