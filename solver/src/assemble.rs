@@ -53,8 +53,6 @@ pub struct Assembly {
     slots: Vec<Vec<u32>>,
     /// Constant part of the matrix: minus the compliance.
     constant: Vec<f64>,
-    /// Entries of the convex stiffness that may be added, and their places among the values.
-    shift: Vec<(u32, f64)>,
     /// Compliance of the pressures, factorised.
     compliance: Option<Ldlt>,
     /// Pressure unknown of each node within the compliance.
@@ -105,7 +103,6 @@ impl Assembly {
         let mut assembly = Self {
             slots: slots.collect(),
             constant: vec![0.0; pattern.rows.len()],
-            shift: shift::entries(model, &unknowns, &pattern),
             unknowns,
             pattern,
             compliance: None,
@@ -319,13 +316,6 @@ impl Assembly {
     /// Whether a displacement is free.
     pub fn is_free(&self, node: usize, axis: usize) -> bool {
         self.unknowns[node][axis] != NONE
-    }
-
-    /// Adds `factor` times the convex stiffness of [`crate::terms::Term::shift`] to a matrix.
-    pub fn add_shift(&self, factor: f64, values: &mut [f64]) {
-        for &(at, stiffness) in &self.shift {
-            values[at as usize] += factor * stiffness;
-        }
     }
 }
 

@@ -146,8 +146,25 @@ impl Ldlt {
     /// # Errors
     /// [`LinearError::Singular`] on a vanishing pivot.
     pub fn factor(&mut self, values: &[f64]) -> Result<(), LinearError> {
+        self.factor_sum(values, 0.0, &[])
+    }
+
+    /// Factorises `values` + `share` `more`, lower values of two matrices; of the first alone when
+    /// the share is zero.
+    ///
+    /// # Errors
+    /// [`LinearError::Singular`] on a vanishing pivot.
+    pub fn factor_sum(
+        &mut self,
+        values: &[f64],
+        share: f64,
+        more: &[f64],
+    ) -> Result<(), LinearError> {
         self.values.clear();
         self.values.extend_from_slice(values);
+        if share != 0.0 {
+            self.values.iter_mut().zip(more).for_each(|(value, more)| *value += share * more);
+        }
         let n = self.pattern.len();
         let (starts, rows) = (&self.pattern.starts, &self.pattern.rows);
         let view = SymbolicSparseColMatRef::new_checked(n, n, starts, None, rows);

@@ -60,20 +60,59 @@ const NEARLY: f64 = 100.0;
 /// Forces are compared with at least this (mN), so that a body without load is in balance.
 const LEAST_FORCE: f64 = 100.0;
 /// Least and greatest share of the convex stiffness that is added, and how it grows and fades.
-const LEAST_SHIFT: f64 = 1e-3;
-const GREATEST_SHIFT: f64 = 1e5;
-const SHIFT_GROWTH: f64 = 4.0;
+const LEAST_SHARE: f64 = 1e-3;
+const GREATEST_SHARE: f64 = 1e5;
+const GROWTH: f64 = 4.0;
 const FADING: f64 = 2.0;
 const FAST_FADING: f64 = 16.0;
+/// Most iterations with the least share before none is tried again.
+const LONGEST_WAIT: usize = 8;
+
+/// The share of the convex stiffness that is added, from one iteration to the next.
+#[derive(Debug, Clone, Copy, Default)]
+struct Convexity {
+    share: f64,
+    /// The share that the last step beyond the convex needed.
+    needed: f64,
+    /// Iterations until none is tried again, and how many there were the last time.
+    wait: usize,
+    waited: usize,
+}
+
+impl Convexity {
+    /// After a direction that does not go down.
+    fn raise(&mut self) {
+        if self.share == 0.0 {
+            self.share = f64::max(LEAST_SHARE, self.needed / GROWTH);
+            self.waited = (2 * self.waited).clamp(1, LONGEST_WAIT);
+            self.wait = self.waited;
+        } else {
+            self.share *= GROWTH;
+        }
+    }
+
+    /// After a step down, of full length or shortened.
+    fn lower(&mut self, full: bool) {
+        if self.share == 0.0 {
+            (self.needed, self.waited) = (self.needed / FADING, 0);
+            return;
+        }
+        self.needed = self.share;
+        self.share /= if full { FAST_FADING } else { FADING };
+        if self.share < LEAST_SHARE {
+            self.share = if self.wait == 0 { 0.0 } else { LEAST_SHARE };
+        }
+        self.wait = self.wait.saturating_sub(1);
+    }
+}
 
 /// Where the energy is not convex, no node goes farther than this (mm) in one step, so that a body
 /// past a point of buckling comes to the next minimum and not to one beyond.
 const STRIDE_MM: f64 = 4.0;
 
-/// Greatest length of a step along a direction where the energy is not convex.
+/// Length of a step along a direction that brings the node that goes farthest to the limit.
 fn stride(direction: &[Vec3]) -> f64 {
-    let farthest = direction.iter().map(|d| d.norm()).fold(f64::MIN_POSITIVE, f64::max);
-    f64::min(1.0, STRIDE_MM / farthest)
+    STRIDE_MM / direction.iter().map(|d| d.norm()).fold(f64::MIN_POSITIVE, f64::max)
 }
 
 /// Buffers and factors that live through many minimisations of one model.
@@ -83,6 +122,7 @@ pub struct Newton {
     system: Ldlt,
     gradient: Vec<Vec3>,
     values: Vec<f64>,
+    shift: Vec<f64>,
     step: Vec<f64>,
 }
 
@@ -94,7 +134,14 @@ impl Newton {
     pub fn new(model: &Model) -> Result<Self, crate::assemble::AssemblyError> {
         let assembly = Assembly::new(model)?;
         let system = Ldlt::analyse(assembly.pattern().clone())?;
-        Ok(Self { assembly, system, gradient: Vec::new(), values: Vec::new(), step: Vec::new() })
+        Ok(Self {
+            assembly,
+            system,
+            gradient: Vec::new(),
+            values: Vec::new(),
+            shift: Vec::new(),
+            step: Vec::new(),
+        })
     }
 
     /// Moves `state` to a minimum of the energy and returns the number of iterations. On failure
@@ -115,7 +162,7 @@ impl Newton {
             .map_err(NewtonError::Start)?;
         std::mem::swap(&mut state.pressure, &mut pressure);
         let scale = self.force_scale(model, state)?;
-        let mut shift = 0.0;
+        let mut convexity = Convexity::default();
         for iteration in 0..options.max_iterations {
             self.derivatives(model, state, Curvature::Exact)?;
             let (node, unbalanced) = self.unbalanced();
@@ -125,26 +172,28 @@ impl Newton {
             let mut ran_into = None;
             let mut curvature = Curvature::Exact;
             let (lower, length) = loop {
-                if shift > 0.0 && curvature == Curvature::Exact {
+                let share = convexity.share;
+                if share > 0.0 && curvature == Curvature::Exact {
                     curvature = Curvature::Convex;
                     self.derivatives(model, state, curvature)?;
+                    self.assembly.shift(model, state, &mut self.shift);
                 }
-                if let Some(direction) = self.direction(shift) {
+                if let Some(direction) = self.direction(share) {
                     let nearly = unbalanced <= NEARLY * options.residual * scale;
                     if nearly && -self.slope(&direction) <= self.rounding(energy, &direction) {
                         return Ok(iteration);
                     }
-                    let longest = if shift > 0.0 { stride(&direction) } else { 1.0 };
+                    let longest = if share > 0.0 { stride(&direction) } else { 1.0 };
                     match self.search(model, state, energy, &direction, longest) {
                         Ok(found) => break found,
                         Err(cause) => {
-                            tracing::trace!(shift, longest, ?cause, "no step goes down");
+                            tracing::trace!(share, longest, ?cause, "no step goes down");
                             ran_into = cause;
                         }
                     }
                 }
-                shift = f64::max(LEAST_SHIFT, shift * SHIFT_GROWTH);
-                if shift > GREATEST_SHIFT {
+                convexity.raise();
+                if convexity.share > GREATEST_SHARE {
                     return Err(NewtonError::Stuck { node, ran_into });
                 }
             };
@@ -156,14 +205,11 @@ impl Newton {
                 unbalanced,
                 node,
                 ?place_mm,
-                shift,
+                share = convexity.share,
                 length,
                 "newton"
             );
-            shift /= if length == 1.0 { FAST_FADING } else { FADING };
-            if shift < LEAST_SHIFT {
-                shift = 0.0;
-            }
+            convexity.lower(length >= 1.0);
         }
         Err(NewtonError::Slow { node: self.unbalanced().0 })
     }
@@ -231,19 +277,13 @@ impl Newton {
 
     /// The descent direction of the assembled system with a share of the convex stiffness; `None`
     /// when it has none.
-    fn direction(&mut self, shift: f64) -> Option<Vec<Vec3>> {
-        if shift > 0.0 {
-            let mut values = self.values.clone();
-            self.assembly.add_shift(shift, &mut values);
-            self.system.factor(&values).ok()?;
-        } else {
-            self.system.factor(&self.values).ok()?;
-        }
+    fn direction(&mut self, share: f64) -> Option<Vec<Vec3>> {
+        self.system.factor_sum(&self.values, share, &self.shift).ok()?;
         // More negative pivots than pressures: the energy is not convex here, and Newton's step
         // leads to a saddle.
         let (negative, pressures) = (self.system.negative_pivots(), self.assembly.pressures());
         if negative != pressures {
-            tracing::trace!(shift, negative, pressures, "not convex");
+            tracing::trace!(share, negative, pressures, "not convex");
             return None;
         }
         let rhs = self.assembly.right_hand_side(&self.gradient);
@@ -264,7 +304,9 @@ impl Newton {
     }
 
     /// Moves the state down along a direction and returns the new energy and the length of the
-    /// step, or what was in the way.
+    /// step, or what was in the way. A whole step is doubled as long as that goes down and it is
+    /// not longer than `longest`: where the energy is not convex a single one may lead a
+    /// negligible way along the direction in which it falls.
     fn search(
         &mut self,
         model: &Model,
@@ -274,24 +316,42 @@ impl Newton {
         longest: f64,
     ) -> Result<(f64, f64), Option<EnergyError>> {
         let (slope, slack) = (self.slope(direction), self.rounding(energy, direction));
+        let along = |from: &[Vec3], length: f64| -> Vec<Vec3> {
+            from.iter().zip(direction).map(|(p, d)| p + length * d).collect()
+        };
+        let from = state.points.clone();
         let mut cause = None;
-        let mut length = longest;
+        let first = f64::min(1.0, longest);
+        let mut length = first;
         let mut pressure = Vec::new();
-        while length > SHORTEST * longest {
-            let points: Vec<Vec3> =
-                state.points.iter().zip(direction).map(|(p, d)| p + length * d).collect();
+        let mut lowest = loop {
+            let points = along(&from, length);
             match self.assembly.energy(model, state, &points, &mut pressure) {
                 Ok(trial) if trial <= energy + ARMIJO * length * slope + slack => {
                     state.points = points;
-                    state.pressure = pressure;
-                    return Ok((trial, length));
+                    std::mem::swap(&mut state.pressure, &mut pressure);
+                    break trial;
                 }
                 Ok(_) => {}
                 Err(error) => cause = Some(error),
             }
             length *= 0.5;
+            if length <= SHORTEST * first {
+                return Err(cause);
+            }
+        };
+        while length >= first && 2.0 * length <= longest {
+            let points = along(&from, 2.0 * length);
+            match self.assembly.energy(model, state, &points, &mut pressure) {
+                Ok(trial) if trial < lowest => {
+                    (lowest, length) = (trial, 2.0 * length);
+                    state.points = points;
+                    std::mem::swap(&mut state.pressure, &mut pressure);
+                }
+                _ => break,
+            }
         }
-        Err(cause)
+        Ok((lowest, length))
     }
 
     /// The largest force of any term (mN): the sum of the norms of its nodal forces.

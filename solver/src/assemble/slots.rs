@@ -8,6 +8,11 @@ use rayon::prelude::*;
 /// Unknown that is not there.
 pub(super) const NONE: u32 = u32::MAX;
 
+/// Number of slots of an element.
+pub(super) fn entries(nodes: usize, mixed: bool) -> usize {
+    9 * nodes * (nodes - 1) / 2 + 6 * nodes + if mixed { 3 * nodes * nodes } else { 0 }
+}
+
 /// Adds a block to the matrix, in the order of [`slots_of`].
 pub(super) fn scatter<'a>(
     block: &Block,

@@ -74,6 +74,17 @@ impl Bulk {
         (1..4).map(|n| (points[tet[n] as usize] - a) * gradients[n].transpose()).sum()
     }
 
+    /// The one quadrature point of an element.
+    fn point(&self, element: usize, pressure_kpa: f64) -> Point<'_, 4> {
+        Point {
+            law: &self.laws[element],
+            volume: self.volumes[element],
+            gradients: &self.gradients[element],
+            share_kpa: self.share(element),
+            pressure_kpa,
+        }
+    }
+
     /// Stiffness of the element's own share (kPa).
     fn share(&self, element: usize) -> f64 {
         let law = &self.laws[element];
@@ -108,17 +119,9 @@ impl Term for Bulk {
     ) -> Result<(), MaterialError> {
         let volume = self.volumes[element];
         let f = self.deformation(element, at.points);
-        let point = Point {
-            law: &self.laws[element],
-            volume,
-            gradients: &self.gradients[element],
-            share_kpa: self.share(element),
-            pressure_kpa: if order == Order::Value {
-                0.0
-            } else {
-                self.pressure(element, at.pressure)
-            },
-        };
+        let pressure_kpa =
+            if order == Order::Value { 0.0 } else { self.pressure(element, at.pressure) };
+        let point = self.point(element, pressure_kpa);
         let dilated = point.add(&f, order, block)?;
         block.dilatation = 0.25 * volume * dilated.theta;
         if order >= Order::Gradient {
@@ -140,10 +143,10 @@ impl Term for Bulk {
         self.volumes[element] * (mass / bulk + projection / law.shear_kpa())
     }
 
-    fn shift(&self, element: usize) -> SMatrix<f64, 4, 4> {
-        let gradients = &self.gradients[element];
-        let stiffness = self.laws[element].shear_kpa() * self.volumes[element];
-        Matrix4::from_fn(|a, b| stiffness * gradients[a].dot(&gradients[b]))
+    fn shift(&self, element: usize, at: &At, block: &mut Block) -> bool {
+        let point = self.point(element, self.pressure(element, at.pressure));
+        point.add_shift(&self.deformation(element, at.points), block);
+        true
     }
 
     fn raise_shear(&self, shear_kpa: &mut [f64]) {

@@ -246,11 +246,11 @@ pub trait Term: Send + Sync {
         SMatrix::zeros()
     }
 
-    /// Stiffness ∫ μ ∇Nₐ·∇N_b dV (mN/mm) between an element's nodes at rest, alike in every
-    /// direction: what Newton's method adds where the energy is not convex. Asked of mixed terms
-    /// alone.
-    fn shift(&self, _element: usize) -> SMatrix<f64, 4, 4> {
-        SMatrix::zeros()
+    /// Adds to the second derivatives of `block` the stiffness ∫ c ∇Nₐ·∇N_b dV (mN/mm), alike in
+    /// every direction, with about the least c that makes the element convex in this state: what
+    /// Newton's method adds where the whole is not convex. `false` when there is none.
+    fn shift(&self, _element: usize, _at: &At, _block: &mut Block) -> bool {
+        false
     }
 
     /// What the term remembers before anything has happened, with the nodes at `points`.

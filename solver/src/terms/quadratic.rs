@@ -126,6 +126,17 @@ impl QuadraticBulk {
         Ok(Self { name: name.into(), tets: mesh.tets.clone(), laws, samples })
     }
 
+    fn point<'a>(&'a self, element: usize, sample: &'a Sample) -> Point<'a, 10> {
+        let law = &self.laws[element];
+        Point {
+            law,
+            volume: sample.volume,
+            gradients: &sample.gradients,
+            share_kpa: law.volumetric_kpa(),
+            pressure_kpa: 0.0,
+        }
+    }
+
     fn deformation(&self, element: usize, sample: &Sample, points: &[Vec3]) -> Mat3 {
         let nodes = self.tets[element].iter().zip(&sample.gradients);
         nodes.map(|(&n, gradient)| points[n as usize] * gradient.transpose()).sum()
@@ -172,18 +183,19 @@ impl Term for QuadraticBulk {
         order: Order,
         block: &mut Block,
     ) -> Result<(), MaterialError> {
-        let law = &self.laws[element];
         for sample in &self.samples[element] {
-            let point = Point {
-                law,
-                volume: sample.volume,
-                gradients: &sample.gradients,
-                share_kpa: law.volumetric_kpa(),
-                pressure_kpa: 0.0,
-            };
-            point.add(&self.deformation(element, sample, at.points), order, block)?;
+            let f = self.deformation(element, sample, at.points);
+            self.point(element, sample).add(&f, order, block)?;
         }
         Ok(())
+    }
+
+    fn shift(&self, element: usize, at: &At, block: &mut Block) -> bool {
+        for sample in &self.samples[element] {
+            let f = self.deformation(element, sample, at.points);
+            self.point(element, sample).add_shift(&f, block);
+        }
+        true
     }
 
     fn raise_shear(&self, shear_kpa: &mut [f64]) {

@@ -87,4 +87,22 @@ impl<const N: usize> Point<'_, N> {
         }
         Ok(dilated)
     }
+
+    /// Adds ∫ c ∇Nₐ·∇N_b dV to the second derivatives, c being the shear modulus and a bound of
+    /// the negative curvature of the energy's part in det F: |∂w/∂J| ‖F‖.
+    pub fn add_shift(&self, f: &Mat3, block: &mut Block) {
+        let (law, gradients) = (self.law, self.gradients);
+        let by_j = jacobian(f).and_then(|j| {
+            let w = law.distortion(f.norm_squared(), j)?;
+            let theta = law.dilatation(j);
+            Ok(w.wj + (self.pressure_kpa + self.share_kpa * theta.value) * theta.d1)
+        });
+        let stiffness = law.shear_kpa() + by_j.unwrap_or(0.0).abs() * f.norm();
+        for a in 0..N {
+            for b in 0..=a {
+                let along = self.volume * stiffness * gradients[a].dot(&gradients[b]);
+                block.hessian[a][b] += Mat3::from_diagonal_element(along);
+            }
+        }
+    }
 }

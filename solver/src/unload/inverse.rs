@@ -101,6 +101,7 @@ struct Search<'a, B> {
     assembly: Assembly,
     system: Ldlt,
     values: Vec<f64>,
+    shift: Vec<f64>,
     state: State,
     /// Elements of each term.
     elements: Vec<usize>,
@@ -137,6 +138,7 @@ impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B>
             assembly,
             system,
             values: Vec::new(),
+            shift: Vec::new(),
             state: State::new(first, known.to_vec(), Load::GRAVITY),
             elements: first.terms().iter().map(|t| t.elements()).collect(),
             effort: Effort::default(),
@@ -193,8 +195,10 @@ impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B>
             self.assembly
                 .newton_system(model, &self.state, curvature, &mut gradient, &mut self.values)
                 .ok()?;
-            self.assembly.add_shift(shift, &mut self.values);
-            factored = self.system.factor(&self.values).is_ok()
+            if shift > 0.0 {
+                self.assembly.shift(model, &self.state, &mut self.shift);
+            }
+            factored = self.system.factor_sum(&self.values, shift, &self.shift).is_ok()
                 && self.system.negative_pivots() == self.assembly.pressures();
             if factored {
                 stable = round == 0;
