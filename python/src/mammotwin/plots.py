@@ -76,7 +76,7 @@ def distance_map(fit: PoseFit, ax=None, limit_mm: float | None = None):
     toward = np.array([0.0, 1.0, 0.0])
     _draw(ax, skin, values, toward, (0, 2), "RdBu_r", (-limit, limit), "signed distance (mm)")
     ax.set(xlabel="x, to her right (mm)", ylabel="z, to the head (mm)")
-    ax.set_title(f"{fit.pose}: {fit.distances.modified_hausdorff_mm:.2f} mm (modified Hausdorff)")
+    ax.set_title(f"{fit.pose}: modified Hausdorff {fit.distances.modified_hausdorff_mm:.2f} mm", fontsize="medium")
     ax.invert_xaxis()
     return ax
 
