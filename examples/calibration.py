@@ -16,8 +16,8 @@
 # How the poses were brought together, which moduli were found, and how far the simulated skin is from the measured one
 # before and after.
 #
-# The results are those of `scripts/demo`, or of the run that the environment variable `MAMMOTWIN_RESULTS` names. They are
-# of a digital volunteer: the numbers show the method and say nothing about people.
+# The results are those of `scripts/demo`, or of the run that the environment variable `MAMMOTWIN_RESULTS` names. They
+# are of a digital volunteer: the numbers show the method and say nothing about people.
 
 # %%
 import json

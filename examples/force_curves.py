@@ -15,14 +15,13 @@
 #
 # What the plates did to the breast: their forces on the way, the pressure on the skin, stress and strain inside.
 #
-# The results are those of `scripts/demo`, or of the run that the environment variable `MAMMOTWIN_RESULTS` names. They are
-# of a digital volunteer: the numbers show the method and say nothing about people.
+# The results are those of `scripts/demo`, or of the run that the environment variable `MAMMOTWIN_RESULTS` names. They
+# are of a digital volunteer: the numbers show the method and say nothing about people.
 
 # %%
 import os
 
 import matplotlib.pyplot as plt
-import numpy as np
 
 import mammotwin
 from mammotwin import plots
@@ -77,10 +76,14 @@ plt.show()
 
 # %%
 skin = compression.pressure_map.moved(compression.to_detector)
-under_paddle = (skin.point_fields["contact_pressure_kpa"].values > 0) & (skin.points[:, 2] > compression.thickness_mm / 2)
+under_paddle = (skin.point_fields["contact_pressure_kpa"].values > 0) & (
+    skin.points[:, 2] > compression.thickness_mm / 2
+)
 on_front = under_paddle & (skin.points[:, 1] < 0.1)
 area_mm2 = skin.node_areas_mm2()
-print(f"contact area of the paddle {area_mm2[under_paddle].sum():.0f} mm2, on its front {area_mm2[on_front].sum():.0f} mm2")
+print(
+    f"contact area of the paddle {area_mm2[under_paddle].sum():.0f} mm2, on its front {area_mm2[on_front].sum():.0f} mm2"
+)
 print(f"mean pressure {1000 * compression.force_n / area_mm2[under_paddle].sum():.3f} kPa")
 
 # %% [markdown]

@@ -24,9 +24,19 @@ def path():
 
 
 @pytest.fixture(scope="session")
-def results(path):
+def opened(path):
+    """Results of any study."""
     with mammotwin.open(path) as opened:
         yield opened
+
+
+@pytest.fixture(scope="session")
+def results(opened):
+    """Results of a study with everything: several poses, a compression, a mammogram."""
+    asked = opened.parameters
+    if len(asked["poses"]) < 2 or not asked.get("compress") or not asked.get("mammogram"):
+        pytest.skip("these tests need several poses, a compression and a mammogram")
+    return opened
 
 
 @pytest.fixture(scope="session")
@@ -36,17 +46,20 @@ def raw(path):
 
 
 @pytest.fixture(scope="session")
-def study(results):
-    """Folder of the study whose run the results are."""
-    folder = results.path.parent.parent
-    if not (folder / "study.toml").exists():
+def study(opened):
+    """Folder of the digital volunteer whose run the results are."""
+    folder = opened.path.parent.parent
+    if not (folder / "truth").exists():
         pytest.skip("the results lie in no run of a digital volunteer")
     return folder
 
 
 @pytest.fixture(scope="session")
 def program():
-    path = Path(os.environ.get("MAMMOTWIN", ROOT / "target/release/mammotwin"))
+    named = os.environ.get("MAMMOTWIN")
+    path = Path(named or ROOT / "target/release/mammotwin")
     if not path.exists():
+        if named:
+            pytest.fail(f"MAMMOTWIN: no {named}")
         pytest.skip("no program: build it, or set MAMMOTWIN")
     return path

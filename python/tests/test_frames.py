@@ -194,6 +194,8 @@ def test_a_turned_mesh_keeps_its_invariants(results):
     mesh = results.compression.state.mesh
     turned = mesh.moved(motion)
     np.testing.assert_allclose(turned.volumes_mm3, mesh.volumes_mm3, rtol=1e-9)
+    moved = turned.points - results.compression.state.rest.moved(motion).points
+    np.testing.assert_allclose(turned.point_fields["displacement_mm"].values, moved, atol=1e-9)
     again = mammotwin.fields.von_mises(turned.cell_fields["cauchy_kpa"].values)
     np.testing.assert_allclose(again, mesh.cell_fields["von_mises_kpa"].values, rtol=1e-7, atol=1e-12)
     # F maps edges of the turned rest shape to edges of the turned shape.

@@ -88,7 +88,9 @@ def run(program, *words):
     return done.stdout
 
 
-@pytest.fixture(scope="module", params=[("RAS", (0, 0, 0)), ("LPI", (0, 0, 0)), ("SAL", (0, 0, 0)), ("LAS", (9, -6, 12))])
+@pytest.fixture(
+    scope="module", params=[("RAS", (0, 0, 0)), ("LPI", (0, 0, 0)), ("SAL", (0, 0, 0)), ("LAS", (9, -6, 12))]
+)
 def phantom(request, program, tmp_path_factory):
     """Folder of a study whose surfaces are made, and the affine of its image."""
     codes, degrees = request.param

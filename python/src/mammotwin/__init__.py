@@ -4,8 +4,8 @@
     results = mammotwin.open("runs/demo")
     results.compression.curve["force_n"].plot()
 
-Everything is in millimetres, right-anterior-superior (+x to the person's right, +y to the front, +z to the head), in the
-frame of the reference pose unless something else is said. Names end in their units.
+Everything is in millimetres, right-anterior-superior (+x to the person's right, +y to the front, +z to the head), in
+the frame of the reference pose unless something else is said. Names end in their units.
 """
 
 from .calibration import Calibration, Moduli
