@@ -1,0 +1,96 @@
+"""The breast between the plates: its course, its pressure, what it bears."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray
+
+from .fields import Field, weighted_percentile
+from .mesh import Surface
+from .states import State
+from .transform import RigidTransform
+
+if TYPE_CHECKING:
+    from .results import Results
+
+
+class Compression:
+    """The compressed breast; stress-free shape and end of the compression are `state.rest` and `state.mesh`."""
+
+    def __init__(self, results: Results, state: State, curve: xarray.Dataset) -> None:
+        self._results = results
+        #: The end of the compression, in the frame of the reference pose.
+        self.state = state
+        #: Forces, contact area and pressures over `thickness_mm`, the distance of the plates.
+        self.curve = curve
+        plan = results.parameters["compress"]
+        #: `right`, `left`
+        self.side: str = plan["side"]
+        #: `cc`, ...
+        self.view: str = plan["view"]
+        #: `rigid`, ...
+        self.paddle: str = plan["paddle"]
+        #: Distance of the plates' edges from the chest wall, mm.
+        self.chest_wall_distance_mm: float = plan["chest_wall_distance_mm"]
+
+    @property
+    def thickness_mm(self) -> float:
+        """Distance of the plates at the end."""
+        return float(self.curve["thickness_mm"][-1])
+
+    @property
+    def force_n(self) -> float:
+        """Force of the paddle at the end."""
+        return float(self.curve["force_n"][-1])
+
+    @property
+    def contact_pressure(self) -> Field:
+        """Contact pressure (kPa, positive) at the nodes of `state.mesh`."""
+        return self.state.mesh.point_fields["contact_pressure_kpa"]
+
+    @property
+    def pressure_map(self) -> Surface:
+        """The compressed skin with the field `contact_pressure_kpa`, in the frame of the reference pose."""
+        skin = self.state.mesh.surface("skin")
+        field = skin.point_fields["contact_pressure_kpa"]
+        return Surface(skin.points, skin.triangles, {field.name: field}, skin.nodes)
+
+    @cached_property
+    def to_detector(self) -> RigidTransform:
+        """From the reference pose to the frame of the detector.
+
+        There x runs along the chest-wall edge of the plates from the nipple, y from that edge away from the chest
+        wall, z from the receptor to the paddle (mm).
+        """
+        with self._results.folder.open("compress") as file:
+            return RigidTransform.from_stage(file.json("to_detector"))
+
+    @cached_property
+    def stopped_early(self) -> str | None:
+        """Why it ended before its stop rule; `None` when the rule was met."""
+        with self._results.folder.open("compress") as file:
+            return file.json("stopped_early")
+
+    def pressure_percentile_kpa(self, percent: float) -> float:
+        """Contact pressure that `percent` of the touched skin, by area, does not exceed."""
+        skin = self.pressure_map
+        values, areas = skin.point_fields["contact_pressure_kpa"].values, skin.node_areas_mm2()
+        touched = (values > 0) & (areas > 0)
+        return weighted_percentile(values[touched], areas[touched], percent) if touched.any() else 0.0
+
+    def von_mises_percentile_kpa(self, percent: float) -> float:
+        """Von Mises stress that `percent` of the compressed volume does not exceed."""
+        mesh = self.state.mesh
+        return weighted_percentile(mesh.cell_fields["von_mises_kpa"].values, mesh.volumes_mm3, percent)
+
+    def strain_percentile(self, percent: float) -> float:
+        """Largest principal logarithmic strain that `percent` of the compressed volume does not exceed."""
+        mesh = self.state.mesh
+        largest = np.log(mesh.cell_fields["principal_stretches"].values[:, 0])
+        return weighted_percentile(largest, mesh.volumes_mm3, percent)
+
+    def __repr__(self) -> str:
+        return f"<Compression {self.side} {self.view}: {self.thickness_mm:.1f} mm, {self.force_n:.3g} N>"

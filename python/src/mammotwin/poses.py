@@ -1,0 +1,180 @@
+"""Poses: how each lies to the reference pose, and how far its simulation is from what was measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .errors import MissingError, need
+from .fields import Field
+from .group import Group
+from .mesh import Surface
+from .states import State
+from .transform import RigidTransform
+
+if TYPE_CHECKING:
+    from .results import Results
+
+
+@dataclass(frozen=True)
+class Registration:
+    """The rigid motion of a pose's image to the reference pose, and what it says of itself."""
+
+    to_reference: RigidTransform
+    #: The motion that the landmarks alone gave.
+    from_landmarks: RigidTransform
+    landmarks: int
+    landmark_rms_mm: float | None
+    #: Normalised cross-correlation over the chest wall, before and after.
+    similarity_before: float
+    similarity_after: float
+    #: Standard deviations about the axes x, y, z.
+    sd_rotation_deg: np.ndarray
+    sd_translation_mm: np.ndarray
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Distances between simulated and measured skin, mm (Mîra 2018, eqs. A.3-A.7)."""
+
+    min_mm: float
+    max_mm: float
+    mean_mm: float
+    p95_mm: float
+    hausdorff_mm: float
+    modified_hausdorff_mm: float
+
+
+@dataclass(frozen=True)
+class PoseFit:
+    """A simulated pose beside the measured one.
+
+    `nodes` are the compared nodes of the mesh; `signed_mm` is the distance of each to the measured skin, positive
+    outside of it.
+    """
+
+    pose: str
+    nodes: np.ndarray
+    signed_mm: np.ndarray
+    distances: Distances
+    gravity: np.ndarray
+    skin: Surface
+
+    @property
+    def distance_map(self) -> Surface:
+        """The simulated skin with the field `signed_distance_mm`, NaN where nothing is compared."""
+        values = np.full(self.skin.nodes.max() + 1, np.nan)
+        values[self.nodes] = self.signed_mm
+        long_name = "Signed distance to the measured skin, positive outside of it"
+        mapped = Field("signed_distance_mm", values[self.skin.nodes], "mm", long_name)
+        return Surface(self.skin.points, self.skin.triangles, {mapped.name: mapped}, self.skin.nodes)
+
+
+def read_fit(pose: str, group: Group, state: State) -> PoseFit:
+    """Reads a simulated pose of the stages `calibrate` and `validate`; `state` has the same mesh."""
+    values = group.json("distances")
+    points = group.array("solution/points")
+    skin = state.rest.surface("skin")
+    return PoseFit(
+        pose,
+        group.array("active"),
+        group.array("signed_distance"),
+        Distances(**{f"{name}_mm": value for name, value in values.items()}),
+        group.array("gravity")[0],
+        Surface(points[skin.nodes], skin.triangles, {}, skin.nodes),
+    )
+
+
+class Pose:
+    """One pose of the study."""
+
+    def __init__(self, results: Results, name: str, plan: dict) -> None:
+        self._results = results
+        self.name = name
+        #: `fit`, `validate`
+        self.use: str = plan["use"]
+        #: `supine`, `prone`, ...; `None` when the study gives the direction of gravity itself.
+        self.posture: str | None = plan.get("posture")
+        #: What the study warns of.
+        self.warning: str | None = plan.get("warning")
+
+    @property
+    def is_reference(self) -> bool:
+        """Whether all others lie in the frame of this one."""
+        return self.name == self._results.reference_pose
+
+    @property
+    def state(self) -> State:
+        """The simulated equilibrium, in the frame of the reference pose."""
+        return self._results.states[self.name]
+
+    @cached_property
+    def registration(self) -> Registration:
+        """How the pose was registered; the reference pose has none."""
+        if self.is_reference:
+            raise MissingError(f"{self.name} is the reference pose, others are registered to it", "register")
+        value = self._results.folder.json("register", self.name)
+        image, start = value["image"], value["start"]
+        return Registration(
+            RigidTransform.from_stage(value["transform"]),
+            RigidTransform.from_stage(start["transform"]),
+            start["landmarks"],
+            start["landmark_rms_mm"],
+            image["similarity_before"],
+            image["similarity_after"],
+            np.degrees(image["uncertainty"]["rotation_rad"]),
+            np.array(image["uncertainty"]["translation_mm"]),
+        )
+
+    @property
+    def to_reference(self) -> RigidTransform:
+        """From the pose's image to the frame of the reference pose (RAS mm)."""
+        return RigidTransform.identity() if self.is_reference else self.registration.to_reference
+
+    @cached_property
+    def measured_skin(self) -> Surface:
+        """Measured skin, in the frame of the pose's own image (mm); large."""
+        with self._results.folder.open("surface", self.name) as file:
+            return Surface(file.array("skin/points"), file.array("skin/triangles"))
+
+    @property
+    def labels_file(self) -> Path:
+        """The segmentation, a NIfTI file in the frame of the pose's own image."""
+        path = self._results.folder.path / "labels" / f"{self.name}.nii.gz"
+        if not path.exists():
+            hint = "it lies beside results.h5, or is a file of the study's own"
+            raise MissingError(f"no {path}", f"segment:{self.name}", hint)
+        return path
+
+    def labels(self):
+        """The segmentation as a nibabel image: `affine` from voxels to RAS mm."""
+        return need("nibabel", "image").load(self.labels_file)
+
+    @cached_property
+    def before(self) -> PoseFit:
+        """With the moduli of the study."""
+        return self._fit("before")
+
+    @cached_property
+    def after(self) -> PoseFit:
+        """With the fitted moduli."""
+        return self._fit("after")
+
+    def _fit(self, when: str) -> PoseFit:
+        if self.is_reference:
+            text = f"{self.name} is the reference pose: its shape is given, nothing is compared"
+            raise MissingError(text, "calibrate", "see results.calibration.round_trip_rms_mm")
+        folder = self._results.folder
+        if self.use == "validate":
+            with folder.open("validate", self.name) as file:
+                return read_fit(self.name, file.group(when), self.state)
+        with folder.open("calibrate") as file:
+            return read_fit(self.name, file.group(f"{when}/{self.name}"), self.state)
+
+    def __repr__(self) -> str:
+        word = "reference" if self.is_reference else self.use
+        return f"<Pose {self.name}: {word}>"
