@@ -40,6 +40,11 @@ pub enum Command {
     /// Which field of a stage's key changed: old -> new
     #[command(after_help = "Example:\n  mammotwin explain study.toml segment:prone")]
     Explain(ExplainArguments),
+    /// Which physical effects a model may lack, and what shows them
+    Effects(EffectsArguments),
+    /// Find where simulation and measurement disagree, name the missing effect, add it, show the gap
+    #[command(after_help = DISCOVER_HELP)]
+    Discover(DiscoverArguments),
     /// Look at the study and its images before any long work
     #[command(after_help = CHECK_HELP)]
     Check(ReadArguments),
@@ -58,6 +63,17 @@ Looked at: every file is there and readable, landmarks lie inside of the image a
 (a mirrored header), labels lie on the grid of the image, gravity agrees with the landmarks.
 Exits with 65 when something is wrong.";
 
+const DISCOVER_HELP: &str = "\
+Runs the study, then asks of each effect (see `mammotwin effects`) whether it explains what the
+simulated poses leave of the measured ones, beyond what segmentation, registration, the chest wall
+and the mesh leave anyway. The held-out pose takes no part in the search; it decides. When an effect
+is named, study.discovered.toml is written with it, run beside the first, and discovery.html shows
+both.
+
+Examples:
+  mammotwin discover study.toml
+  mammotwin discover study.toml --held-out tilted --json";
+
 const GC_HELP: &str = "\
 Kept are the results of the study as it is now, results whose need is not known before other
 stages ran, and everything outside of the cache. One output folder serves one study.";
@@ -66,6 +82,7 @@ const SYNTH_EXAMPLES: &str = "\
 Examples:
   mammotwin synth --preset small --seed 7 --voxel-mm 1 --out dv
   mammotwin synth --preset large --seed 2 --poses prone,supine --out dv-large
+  mammotwin synth --preset small --hide limit_chain=0.5 --out dv-gent
   mammotwin run dv/study.toml
   mammotwin score dv/study.toml --truth dv/truth";
 
@@ -121,9 +138,36 @@ pub struct SynthArguments {
     /// Poses to scan; supine is always among them [default: all]
     #[arg(long, value_name = "POSE", value_delimiter = ',')]
     pub poses: Vec<String>,
+    /// Give the truth an effect that the study does not have; without a number half of the
+    /// greatest plausible amplitude (see `mammotwin effects`)
+    #[arg(long, value_name = "EFFECT[=AMPLITUDE]", value_delimiter = ',')]
+    pub hide: Vec<String>,
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+}
+
+/// The library of effects.
+#[derive(Debug, Clone, Args)]
+pub struct EffectsArguments {
+    /// Answer in JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A discovery.
+#[derive(Debug, Clone, Args)]
+pub struct DiscoverArguments {
+    /// The study
+    #[command(flatten)]
+    pub study: StudyArguments,
+    /// Pose that the search does not see and that decides [default: the first with
+    /// use = \"validate\"]
+    #[arg(long, value_name = "POSE")]
+    pub held_out: Option<String>,
+    /// Answer in JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// A run and the truth.

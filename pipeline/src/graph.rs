@@ -14,6 +14,7 @@ use mammotwin_stages::{
     comfort::Comfort,
     compress::{Compress, Compression},
     deliver::{Deliver, RawPicture, Report, ShownPicture},
+    discover::{Discover, Discovery},
     mammogram::{Mammogram, Mammograms},
     mesh::{BreastMesh, Mesh},
     phantom::{CompressedPhantom, Phantom},
@@ -125,6 +126,37 @@ pub fn run(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     }
     deliver(study, run, &outcome)?;
     Ok(outcome)
+}
+
+/// Calls the stages of a study, and looks for an effect that its model lacks.
+pub fn discover(
+    study: &Study,
+    held_out: &str,
+    run: &Run<'_>,
+) -> Result<Stored<Discovery>, Failure> {
+    let Outcome { reference, poses, mesh, calibration, .. } = self::run(study, run)?;
+    let (mut names, mut motions, mut surfaces) = (Vec::new(), Vec::new(), Vec::new());
+    for (name, pose) in &poses {
+        if let Some(registered) = &pose.registered {
+            names.push(name.clone());
+            motions.push(registered.clone());
+            surfaces.push(pose.surfaces.clone());
+        }
+    }
+    let discover = Discover {
+        model: study.model.clone(),
+        calibrate: study.calibrate.clone(),
+        size_mm: study.mesh.size_mm,
+        gravity: gravity(&reference, &study.poses[&reference])?,
+        poses: names,
+        held_out: held_out.into(),
+        reference: reference.clone(),
+    };
+    let first = &poses[&reference];
+    let inputs = (&first.labels, &first.surfaces, &mesh, &calibration, &motions[..], &surfaces[..]);
+    let found = run.stage("", &discover, inputs)?;
+    run.export("discovery.h5", &found)?;
+    Ok(found)
 }
 
 /// The files that people open.

@@ -9,6 +9,8 @@ pub mod calibrate;
 pub mod comfort;
 pub mod compress;
 pub mod deliver;
+pub mod discover;
+pub mod effects;
 pub mod mammogram;
 pub mod mesh;
 pub mod model;

@@ -166,8 +166,8 @@ pub struct ModelPlan {
     pub interface: InterfacePlan,
     /// Mass density of all tissues (g/cm³).
     pub density_g_per_cm3: f64,
-    /// Effects by machine name.
-    pub effects: Vec<String>,
+    /// Effects that are switched on: amplitude by machine name.
+    pub effects: BTreeMap<String, f64>,
 }
 
 impl Default for ModelPlan {
@@ -182,7 +182,7 @@ impl Default for ModelPlan {
             ligaments: LigamentPlan::default(),
             interface: InterfacePlan::default(),
             density_g_per_cm3: 0.981,
-            effects: Vec::new(),
+            effects: BTreeMap::new(),
         }
     }
 }

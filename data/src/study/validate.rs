@@ -8,7 +8,19 @@ use super::{
 /// Ligaments that the model knows.
 pub const LIGAMENTS: [&str; 4] = ["inframammary", "deep_medial", "cranial", "lateral"];
 /// Effects that `model.effects` may name.
-pub const EFFECTS: [&str; 0] = [];
+pub const EFFECTS: [&str; 11] = [
+    "limit_chain",
+    "fascia_limit",
+    "cranial_ligament",
+    "lateral_ligament",
+    "inframammary_slack",
+    "skin_region",
+    "skin_thickness",
+    "gland_inclusion",
+    "compressible",
+    "left_right",
+    "density",
+];
 /// Study keys that `calibrate.parameters` may name.
 pub const CALIBRATED: [&str; 2] = ["breast.young_right_kpa", "breast.young_left_kpa"];
 
@@ -147,7 +159,14 @@ fn model(model: &ModelPlan) -> Checked {
     known("model.ligaments.names", &model.ligaments.names, &LIGAMENTS)?;
     within("model.interface.friction", model.interface.friction, 0.0, 2.0)?;
     within("model.density_g_per_cm3", model.density_g_per_cm3, 0.1, 5.0)?;
-    known("model.effects", &model.effects, &EFFECTS)
+    for (name, amplitude) in &model.effects {
+        let path = format!("model.effects.{name}");
+        if !EFFECTS.contains(&name.as_str()) {
+            return refuse(&path, format!("not known; there are: {}", EFFECTS.join(", ")));
+        }
+        within(&path, *amplitude, -100.0, 100.0)?;
+    }
+    Ok(())
 }
 
 fn layer(path: &str, layer: &LayerPlan) -> Checked {

@@ -33,7 +33,7 @@ fascia = { law = "neo_hookean", young_kpa = 120.0, thickness_mm = 0.1 }
 muscle = { rigid = true }
 ligaments = { young_kpa = 500.0, names = ["inframammary", "deep_medial"] }
 interface = { kind = "no_separation", friction = 0.1 }
-effects = []
+effects = { limit_chain = 0.5 }
 [mesh]
 size_mm = 8.0
 [calibrate]
@@ -106,7 +106,8 @@ fn unknown_words_are_named() {
         "\"cooper\"",
         &["model.ligaments.names[0]", "\"cooper\"", "cranial"],
     );
-    refused("effects = []", "effects = [\"wind\"]", &["model.effects[0]", "\"wind\""]);
+    refused("limit_chain", "wind", &["model.effects.wind", "limit_chain"]);
+    refused("limit_chain = 0.5", "limit_chain = 1e9", &["model.effects.limit_chain"]);
     refused(
         "breast.young_left_kpa\"]",
         "breast.poisson\"]",

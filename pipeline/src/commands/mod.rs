@@ -1,6 +1,8 @@
 //! One function for each command.
 
 pub mod check;
+pub mod discover;
+pub mod effects;
 pub mod explain;
 pub mod inspect;
 pub mod keep;
@@ -34,6 +36,8 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Score(arguments) => score::score(arguments),
         Command::Status(arguments) => status::status(arguments),
         Command::Explain(arguments) => explain::explain(arguments),
+        Command::Effects(arguments) => effects::effects(arguments),
+        Command::Discover(arguments) => discover::discover(arguments),
         Command::Check(arguments) => check::check(arguments),
         Command::Verify(arguments) => keep::verify(arguments),
         Command::Gc(arguments) => keep::gc(arguments),

@@ -6,8 +6,11 @@ use crate::{
     display::Task,
 };
 use mammotwin_data::{Failure, store::Options};
-use mammotwin_stages::volunteer::{self, PoseName, Settings};
-use std::{fs, path::Path};
+use mammotwin_stages::{
+    effects::{EFFECTS, Effect},
+    volunteer::{self, PoseName, Settings},
+};
+use std::{collections::BTreeMap, fs, path::Path};
 
 /// Makes a digital volunteer.
 pub fn synth(arguments: &SynthArguments) -> Result<(), Failure> {
@@ -24,7 +27,7 @@ pub fn demo(arguments: &DemoArguments) -> Result<(), Failure> {
     let study = arguments.out.join("study.toml");
     // Written last: with this note all files of the volunteer are there.
     let note = arguments.out.join("volunteer.txt");
-    let Settings { preset, seed, voxel_mm, poses, out_dir: _ } = &settings;
+    let Settings { preset, seed, voxel_mm, poses, hidden: _, out_dir: _ } = &settings;
     let version = env!("CARGO_PKG_VERSION");
     let text = format!("mammotwin {version}: {preset} {seed} {voxel_mm:?} {poses:?}\n");
     if !study.exists() || fs::read_to_string(&note).ok().as_ref() != Some(&text) {
@@ -63,7 +66,35 @@ fn settings(arguments: &SynthArguments) -> Result<Settings, Failure> {
     }
     refuse_someone(&arguments.out)?;
     let (preset, seed) = (arguments.preset.clone(), arguments.seed);
-    Ok(Settings { preset, seed, voxel_mm, poses, out_dir: arguments.out.clone() })
+    let hidden = hidden(&arguments.hide)?;
+    Ok(Settings { preset, seed, voxel_mm, poses, hidden, out_dir: arguments.out.clone() })
+}
+
+/// `EFFECT` or `EFFECT=AMPLITUDE`; without a number it is half of the greatest plausible one.
+fn hidden(wishes: &[String]) -> Result<BTreeMap<String, f64>, Failure> {
+    let mut hidden = BTreeMap::new();
+    for wish in wishes {
+        let refuse = |why: String| Failure::Usage(format!("--hide {wish}: {why}"));
+        let (name, number) = match wish.split_once('=') {
+            Some((name, number)) => (name, Some(number)),
+            None => (wish.as_str(), None),
+        };
+        let effect = Effect::named(name).ok_or_else(|| {
+            let known = EFFECTS.map(|effect| effect.name).join(", ");
+            refuse(format!("no such effect; there are: {known}"))
+        })?;
+        let [least, greatest] = effect.amplitude.range;
+        let amplitude = match number {
+            None => 0.5 * greatest,
+            Some(text) => text
+                .parse()
+                .ok()
+                .filter(|a| (least..=greatest).contains(a))
+                .ok_or_else(|| refuse(format!("give a number from {least} to {greatest}")))?,
+        };
+        hidden.insert(name.to_owned(), amplitude);
+    }
+    Ok(hidden)
 }
 
 /// A study that is there may have been edited: it is not overwritten.

@@ -1,23 +1,21 @@
 //! Stress-free shape and breast moduli from the reference pose and the poses to be fitted.
 
+mod experiment;
 mod secant;
 
+pub use experiment::{Experiment, Measured};
+
 use crate::{
-    mesh::BreastMesh,
-    model::{Body, Moduli},
-    pose::{PoseFit, PoseTarget},
-    register::Registered,
-    surface::PoseSurfaces,
+    mesh::BreastMesh, model::Moduli, pose::PoseFit, register::Registered, surface::PoseSurfaces,
 };
 use mammotwin_data::{
     Failure, Vec3,
     io::hdf5,
     labels::Side,
-    progress::{Part, Progress, Silent},
+    progress::{Part, Progress},
     store::{Artifact, Stage},
-    study::{CalibratePlan, ModelPlan, StressFree},
+    study::{CalibratePlan, ModelPlan},
 };
-use mammotwin_solver::{solve, unload};
 use secant::Secant;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -141,7 +139,7 @@ type Input = (BreastMesh, PoseSurfaces, Vec<Registered>, Vec<PoseSurfaces>);
 
 impl Stage for Calibrate {
     const NAME: &'static str = "calibrate";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "The stress-free shape is the shape that gravity deforms into the reference pose; it \
          was found as the inverse motion (Govindjee & Mihalic, Comput. Methods Appl. Mech. Eng. 136 \
          (1996) 47), or by an accelerated fixed point (Sellier, Comput. Mech. 48 (2011) 503) where the \
@@ -153,22 +151,14 @@ impl Stage for Calibrate {
 
     fn run(&self, input: &Input, progress: &dyn Progress) -> Result<Calibration, Failure> {
         let (mesh, reference, registered, surfaces) = input;
-        let mut targets = vec![PoseTarget::new(
-            &self.reference,
-            mesh,
-            &Registered::reference(self.gravity),
-            reference,
-        )?];
-        for ((name, motion), surfaces) in self.poses.iter().zip(registered).zip(surfaces) {
-            targets.push(PoseTarget::new(name, mesh, motion, surfaces)?);
-        }
-        let body = Body::new(mesh, &self.model);
-        let method = match self.plan.stress_free {
-            StressFree::Inverse => unload::Method::Inverse,
-            StressFree::FixedPoint => unload::Method::FixedPoint,
+        let names = self.poses.iter().map(String::as_str);
+        let measured = Measured {
+            reference: &self.reference,
+            gravity: self.gravity,
+            surfaces: reference,
+            others: names.zip(registered).zip(surfaces).map(|((n, m), s)| (n, m, s)).collect(),
         };
-        let unload = unload::Options { method, ..unload::Options::default() };
-        let search = Search { body, targets, unload };
+        let search = Search(Experiment::new(mesh, &self.model, &self.plan, &measured)?);
         let fitted: Vec<Side> = [Side::Right, Side::Left]
             .into_iter()
             .zip(FITTED)
@@ -180,12 +170,8 @@ impl Stage for Calibrate {
     }
 }
 
-/// The poses and the model that must reach them.
-struct Search<'a> {
-    body: Body<'a>,
-    targets: Vec<PoseTarget>,
-    unload: unload::Options,
-}
+/// The search for the moduli.
+struct Search<'a>(Experiment<'a>);
 
 impl Search<'_> {
     fn run(
@@ -211,8 +197,8 @@ impl Search<'_> {
             let from = round as f64 / rounds as f64;
             let part = Part { whole: progress, from, to: (round + 1) as f64 / rounds as f64 };
             part.report(0.0, &doing);
-            let warm = best.as_ref().map(|(_, fit)| fit.rest.as_slice());
-            let fit = match self.evaluate(moduli, warm, &part, &doing) {
+            let near = best.as_ref().map(|(_, fit)| fit);
+            let fit = match self.0.evaluate(moduli, near, &part, &doing) {
                 Ok(fit) => fit,
                 // Too soft to stand: go half way back to the last moduli that stood.
                 Err(Failure::Numerics(_)) if !trials.is_empty() => {
@@ -266,51 +252,9 @@ impl Search<'_> {
         Ok(Calibration { before, after, trials })
     }
 
-    /// Unloads the reference pose with `moduli` and loads the stress-free shape into each pose.
-    fn evaluate(
-        &self,
-        moduli: Moduli,
-        warm: Option<&[Vec3]>,
-        progress: &dyn Progress,
-        doing: &str,
-    ) -> Result<Fit, Failure> {
-        let loaded = &self.body.mesh.points;
-        let gravity = self.targets[0].gravity;
-        let model = |rest: &[Vec3]| self.body.model(rest, moduli, gravity, None);
-        let options = &self.unload;
-        let guess = match (warm, options.method) {
-            (Some(rest), _) => rest.to_vec(),
-            (None, unload::Method::Inverse) => loaded.clone(),
-            // Gravity turned round is the thesis' first guess.
-            (None, unload::Method::FixedPoint) => {
-                let lifted = self.body.model(loaded, moduli, -gravity, None)?;
-                let solution = solve(&lifted, loaded, &options.solve, &Silent);
-                solution.map_or_else(|_| loaded.clone(), |solution| solution.points)
-            }
-        };
-        let found = unload::stress_free(loaded, &guess, model, options, &Silent)
-            .map_err(|cause| Failure::Numerics(format!("stress-free shape: {cause}")))?;
-        let mut poses = Vec::new();
-        for (n, target) in self.targets.iter().enumerate() {
-            progress.report(0.6 + 0.4 * n as f64 / self.targets.len() as f64, doing);
-            let solution = if n == 0 {
-                found.loaded.clone()
-            } else {
-                target.load(&self.body, &found.rest, moduli, loaded)?
-            };
-            poses.push(target.measure(solution)?);
-        }
-        let round_trip = RoundTrip {
-            rms_mm: found.miss.rms_mm,
-            max_mm: found.miss.max_mm,
-            off_wall_mm: found.off_surface_mm,
-        };
-        Ok(Fit { moduli, round_trip, rest: found.rest, poses })
-    }
-
     /// Mean over the fitted poses of the residual of one side (mm).
     fn residual(&self, fit: &Fit, side: Side) -> f64 {
-        let others = self.targets.iter().zip(&fit.poses).skip(1);
+        let others = self.0.targets.iter().zip(&fit.poses).skip(1);
         let residuals: Vec<f64> = others.map(|(t, p)| t.sag_residual_mm(p, side)).collect();
         residuals.iter().sum::<f64>() / residuals.len().max(1) as f64
     }

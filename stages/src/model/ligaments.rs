@@ -74,14 +74,14 @@ pub struct CablePlan {
     pub section_mm2: f64,
 }
 
-/// The cables of the ligaments in `names`. Which nodes they hold is seen in the reference pose
+/// The cables of the ligaments in `names`, each with its ligament. Which nodes they hold is seen in the reference pose
 /// (the points of `mesh`); they are just taut in the stress-free shape `rest`.
 pub fn cables(
     mesh: &TetMesh,
     rest: &[Vec3],
     anatomy: &Anatomy,
     names: &[Ligament],
-) -> Vec<CablePlan> {
+) -> Vec<(Ligament, CablePlan)> {
     let wall = TriMesh { points: rest.to_vec(), ..mesh.patch_surface(Patch::ChestWall) };
     let normals = wall.vertex_normals();
     let mut area = vec![0.0; mesh.points.len()];
@@ -106,11 +106,9 @@ pub fn cables(
         // A node stands for its area of rim; over the rim's width that is a length.
         let half_axis = 0.5 * (base.half_axes_mm[0] + base.half_axes_mm[1]);
         let rim_length = area[node as usize] / (half_axis * (RIM[1] - RIM[0]));
-        cables.push(CablePlan {
-            node,
-            anchor: rest[node as usize] + LENGTH_MM * outward,
-            section_mm2: SHEET_MM * rim_length,
-        });
+        let anchor = rest[node as usize] + LENGTH_MM * outward;
+        let cable = CablePlan { node, anchor, section_mm2: SHEET_MM * rim_length };
+        cables.push((ligament, cable));
     }
     cables
 }

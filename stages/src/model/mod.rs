@@ -6,21 +6,22 @@
 
 mod anatomy;
 mod ligaments;
+mod recipe;
 
 pub use anatomy::{Anatomy, BreastBase, NoBreast};
 pub use ligaments::{CablePlan, LENGTH_MM, Ligament, cables, lateral_cables, shared_nodes};
+pub use recipe::{Recipe, SheetPlan, Tether, TissuePlan};
 
 use crate::mesh::BreastMesh;
 use mammotwin_data::{
     Failure, Vec3,
-    labels::{Side, Tissue},
+    labels::Side,
     mesh::{Patch, TetMesh},
     study::{InterfaceKind, LawConstants, LawName, ModelPlan},
 };
 use mammotwin_solver::{
-    materials::Law,
     model::Model,
-    terms::{Bulk, Cable, Cables, Gravity, GridDistance, Membrane, Sliding, Target},
+    terms::{Bulk, Cables, Gravity, GridDistance, Membrane, Sliding, Target},
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -96,49 +97,31 @@ impl<'a> Body<'a> {
     ) -> Result<Model, Failure> {
         let plan = self.plan;
         let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("model: {cause}"));
-        let breast = law.unwrap_or(LawOverride {
-            name: plan.breast.law,
-            jm: plan.breast.jm,
-            constants: plan.breast.constants,
-            poisson: plan.breast.poisson,
-        });
-        let bulk = |young_kpa: f64| {
-            let LawOverride { name, jm, constants, poisson } = breast;
-            Law::with_constants(name, young_kpa, poisson, jm, &constants).map_err(|c| refuse(&c))
-        };
-        let (right, left) = (bulk(moduli.right_kpa)?, bulk(moduli.left_kpa)?);
-        let is_right = |t: &Tissue| matches!(t, Tissue::AdiposeRight | Tissue::FibroglandularRight);
-        let laws =
-            self.mesh.tissues.iter().map(|t| if is_right(t) { right } else { left }).collect();
-
+        let recipe = Recipe::new(self.mesh, self.anatomy, plan, rest, moduli, law)?;
         let mesh = TetMesh { points: rest.to_vec(), ..self.mesh.clone() };
         let mut model = Model::new(&mesh);
+        let laws = recipe.laws().map_err(|c| refuse(&c))?;
         let breast = Bulk::new("breast", &mesh, laws).map_err(|c| refuse(&c))?;
         model.add(breast).map_err(|c| refuse(&c))?;
-        for (name, layer, patch) in
-            [("skin", &plan.skin, Patch::Skin), ("fascia", &plan.fascia, Patch::ChestWall)]
+        for (name, sheet, patch) in
+            [("skin", &recipe.skin, Patch::Skin), ("fascia", &recipe.fascia, Patch::ChestWall)]
         {
-            let own = (layer.law, layer.jm, layer.constants);
-            let (kind, jm, constants) = law.map_or(own, |l| (l.name, l.jm, l.constants));
-            let law = Law::with_constants(kind, layer.young_kpa, MEMBRANE_POISSON, jm, &constants)
-                .map_err(|c| refuse(&c))?;
+            let (laws, thickness) = recipe::of_sheet(sheet).map_err(|c| refuse(&c))?;
             let faces = self.mesh.patch(patch);
-            let thickness = vec![layer.thickness_mm; faces.len()];
-            let laws = vec![law; faces.len()];
             let membrane =
                 Membrane::new(name, rest, faces, &thickness, &laws).map_err(|c| refuse(&c))?;
             model.add(membrane).map_err(|c| refuse(&c))?;
         }
         if gravity != Vec3::zeros() {
-            let weight = Gravity::new("gravity", &mesh, plan.density_g_per_cm3, gravity);
+            let weight = Gravity::new("gravity", &mesh, recipe.density_g_per_cm3, gravity);
             model.add(weight).map_err(|c| refuse(&c))?;
         }
-        self.support(&mut model, rest)?;
+        self.support(&mut model, rest, &recipe)?;
         Ok(model)
     }
 
     /// Chest wall, ligaments and cut edges (Mîra 2018, § 3.4).
-    fn support(&self, model: &mut Model, rest: &[Vec3]) -> Result<(), Failure> {
+    fn support(&self, model: &mut Model, rest: &[Vec3], recipe: &Recipe) -> Result<(), Failure> {
         let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("model: {cause}"));
         let reference = &self.mesh.points;
         match self.plan.interface.kind {
@@ -156,27 +139,14 @@ impl<'a> Body<'a> {
                 }
             }
         }
-        let mut names = Vec::new();
-        for name in &self.plan.ligaments.names {
-            names.push(Ligament::from_name(name).ok_or_else(|| {
-                Failure::BadInput(format!("model.ligaments.names: no ligament is called {name}"))
-            })?);
-        }
-        let young = self.plan.ligaments.young_kpa;
-        let tie = |plan: &CablePlan| Cable {
-            node: plan.node,
-            anchor: plan.anchor,
-            natural_mm: LENGTH_MM,
-            stiffness_mn_per_mm: young * plan.section_mm2 / LENGTH_MM,
-        };
-        let rows = [
-            ("ligaments", cables(self.mesh, rest, self.anatomy, &names)),
-            ("lateral_cables", lateral_cables(self.mesh, rest)),
-        ];
-        for (name, plans) in rows.iter().filter(|(_, plans)| !plans.is_empty()) {
-            let cables = plans.iter().map(tie).collect();
-            let cables = Cables::new(name, cables).map_err(|c| refuse(&c))?;
-            model.add(cables).map_err(|c| refuse(&c))?;
+        let young_kpa = self.plan.ligaments.young_kpa;
+        let sides = lateral_cables(self.mesh, rest);
+        let sides = sides.iter().map(|cable| recipe::tied(cable, young_kpa, 0.0)).collect();
+        for (name, cables) in [("ligaments", recipe.cables()), ("lateral_cables", sides)] {
+            if !cables.is_empty() {
+                let cables = Cables::new(name, cables).map_err(|c| refuse(&c))?;
+                model.add(cables).map_err(|c| refuse(&c))?;
+            }
         }
         // Skin and fascia go on beyond the cuts: their ends stay there.
         for (layer, axis) in [(Patch::Skin, 1), (Patch::ChestWall, 2)] {

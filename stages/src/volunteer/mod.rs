@@ -43,7 +43,10 @@ use mammotwin_data::{
 };
 use mammotwin_imaging::mri::synthesize as mri;
 use mechanics::TruthBody;
-use std::path::{Path, PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 use truth::PoseTruth;
 
 /// Which volunteer to make, and how finely.
@@ -57,6 +60,8 @@ pub struct Settings {
     pub voxel_mm: Option<[f64; 3]>,
     /// Poses to scan; supine is always among them.
     pub poses: Vec<PoseName>,
+    /// Effects of the truth that the study does not have: amplitude by name.
+    pub hidden: BTreeMap<String, f64>,
     /// Folder to write to; made when missing.
     pub out_dir: PathBuf,
 }
@@ -70,6 +75,7 @@ impl Settings {
             seed: 7,
             voxel_mm: (preset == "small").then_some([1.0; 3]),
             poses: vec![PoseName::Supine, PoseName::Prone, PoseName::Tilted],
+            hidden: BTreeMap::new(),
             out_dir: out_dir.into(),
         }
     }
@@ -104,7 +110,9 @@ const FAT_SNR: f64 = 55.0;
 /// equilibrium, [`Failure::Io`] when files cannot be written.
 pub fn synthesize(settings: &Settings, progress: &dyn Progress) -> Result<Written, Failure> {
     let preset = Preset::named(&settings.preset)?;
-    let torso = Torso::new(preset.person(settings.seed), settings.seed);
+    let mut person = preset.person(settings.seed);
+    person.effects.clone_from(&settings.hidden);
+    let torso = Torso::new(person, settings.seed);
     let out = &settings.out_dir;
     let truth_dir = out.join("truth");
     std::fs::create_dir_all(&truth_dir).map_err(|error| Failure::io(&truth_dir, error))?;

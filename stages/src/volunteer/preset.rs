@@ -4,6 +4,7 @@ use mammotwin_data::{Failure, study::InterfaceKind};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// A kind of volunteer: `data/volunteers/*.toml`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -29,6 +30,9 @@ pub struct Preset {
     pub image: Frame,
     /// Mammography.
     pub compression: Compression,
+    /// Effects of the truth, amplitude by name; the study does not have those that are hidden.
+    #[serde(default)]
+    pub effects: BTreeMap<String, f64>,
 }
 
 /// Chest wall: an elliptic cylinder along z, with muscle and fat over it.

@@ -23,7 +23,7 @@ pub fn model_plan(person: &Preset) -> ModelPlan {
         ligaments: LigamentPlan { young_kpa: fixed.ligaments_kpa, ..LigamentPlan::default() },
         interface: InterfacePlan { kind: fixed.interface, friction: fixed.friction },
         density_g_per_cm3: fixed.density_g_per_cm3,
-        effects: Vec::new(),
+        effects: person.effects.clone(),
     }
 }
 

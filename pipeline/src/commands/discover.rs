@@ -1,0 +1,209 @@
+//! `mammotwin discover`: find the disagreement, name the missing effect, add it, show the gap.
+
+use super::{Opened, check::refuse_wrong, open, run};
+use crate::{
+    cli::{DiscoverArguments, StudyArguments},
+    display::Display,
+    graph,
+    plausible::findings,
+};
+use mammotwin_data::{
+    Failure,
+    store::{self, Drive, Options},
+    study::Use,
+};
+use mammotwin_stages::discover::{Discovery, Verdict, VerdictName};
+use serde_json::json;
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// Looks for a missing effect, and runs the study with it when there is one.
+pub fn discover(arguments: &DiscoverArguments) -> Result<(), Failure> {
+    let opened = open(&arguments.study)?;
+    let held_out = held_out(&opened, arguments.held_out.as_deref())?;
+    refuse_wrong(&findings(&opened.study, &opened.base))?;
+    let display = Display::new();
+    let options = Options { until: vec!["discover".into()], ..Options::default() };
+    let Opened { study, base, store } = &opened;
+    let drive = Drive { store, base, options: &options, listener: &display };
+    let pass = store::execute(&drive, |run| graph::discover(study, &held_out, run))?;
+    drop(display);
+    let found = pass.outcome.load()?;
+    let added = match addition(&found.verdict) {
+        Some((effect, amplitude)) => Some(add(arguments, &opened, &effect, amplitude)?),
+        None => None,
+    };
+    answer(arguments, &held_out, &found, added.as_ref())
+}
+
+/// The study with the effect, and distances (mm) of its poses without and with it.
+struct Added {
+    study: PathBuf,
+    effect: String,
+    amplitude: f64,
+    modified_hausdorff_mm: BTreeMap<String, [f64; 2]>,
+}
+
+/// The pose that decides.
+fn held_out(opened: &Opened, wish: Option<&str>) -> Result<String, Failure> {
+    let study = &opened.study;
+    let others = || study.poses.iter().filter(|(name, _)| *name != study.reference_pose());
+    if let Some(name) = wish {
+        let known: Vec<&str> = others().map(|(name, _)| name.as_str()).collect();
+        if !known.contains(&name) {
+            let known = known.join(", ");
+            return Err(Failure::Usage(format!(
+                "--held-out {name}: no such pose; there are: {known}"
+            )));
+        }
+        return Ok(name.into());
+    }
+    let validating = others().find(|(_, pose)| pose.usage == Use::Validate);
+    validating.map(|(name, _)| name.clone()).ok_or_else(|| {
+        Failure::BadInput(
+            "discover: no pose has use = \"validate\"; a pose that the search does not see must \
+             decide"
+                .into(),
+        )
+    })
+}
+
+/// The effect that is added: the named one, or the best of an ambiguous set.
+fn addition(verdict: &Verdict) -> Option<(String, f64)> {
+    let best = verdict.candidates.first()?;
+    let add = matches!(verdict.verdict, VerdictName::Named | VerdictName::Ambiguous);
+    add.then(|| (best.effect.clone(), best.amplitude[0]))
+}
+
+/// Writes the study with the effect beside the first, computes its poses, and compares.
+fn add(
+    arguments: &DiscoverArguments,
+    opened: &Opened,
+    effect: &str,
+    amplitude: f64,
+) -> Result<Added, Failure> {
+    let path = &arguments.study.study;
+    let text = fs::read_to_string(path).map_err(|cause| Failure::io(path, cause))?;
+    let study = path.with_extension("discovered.toml");
+    let text = format!(
+        "{text}\n# Found by `mammotwin discover`.\n[model.effects]\n{effect} = {amplitude:?}\n"
+    );
+    mammotwin_data::study::parse(&text).map_err(|error| {
+        Failure::BadInput(format!(
+            "{}: cannot take the effect {effect} = {amplitude}: {error}; has it effects already?",
+            path.display()
+        ))
+    })?;
+    fs::write(&study, text).map_err(|cause| Failure::io(&study, cause))?;
+    let out = opened.store.out.join(format!("with_{effect}"));
+    share_cache(&opened.store.out.join("cache"), &out.join("cache"))?;
+    let with = open(&StudyArguments { study: study.clone(), out: Some(out) })?;
+    let options =
+        Options { until: vec!["validate".into(), "calibrate".into()], ..Options::default() };
+    let [before, after] = [opened, &with].map(|opened| distances(opened, &options));
+    let (before, after) = (before?, after?);
+    let pairs = before.iter().filter_map(|(pose, b)| Some((pose.clone(), [*b, *after.get(pose)?])));
+    Ok(Added { study, effect: effect.into(), amplitude, modified_hausdorff_mm: pairs.collect() })
+}
+
+/// Modified Hausdorff distance (mm) of every pose after the fit.
+fn distances(opened: &Opened, options: &Options) -> Result<BTreeMap<String, f64>, Failure> {
+    let outcome = run::execute(opened, options)?.outcome;
+    let mut all = BTreeMap::new();
+    for pose in outcome.calibration.load()?.after.poses {
+        all.insert(pose.pose, pose.distances.modified_hausdorff);
+    }
+    for (name, validation) in &outcome.validations {
+        all.insert(name.clone(), validation.load()?.after.distances.modified_hausdorff);
+    }
+    Ok(all)
+}
+
+/// Results that do not depend on the effect are shared: links to the same files.
+fn share_cache(from: &Path, to: &Path) -> Result<(), Failure> {
+    fs::create_dir_all(to).map_err(|cause| Failure::io(to, cause))?;
+    let entries = fs::read_dir(from).map_err(|cause| Failure::io(from, cause))?;
+    for entry in entries {
+        let source = entry.map_err(|cause| Failure::io(from, cause))?.path();
+        let Some(name) = source.file_name() else { continue };
+        let target = to.join(name);
+        if source.is_dir() {
+            share_cache(&source, &target)?;
+        } else if !target.exists() && source.extension().is_none_or(|kind| kind != "lock") {
+            fs::hard_link(&source, &target)
+                .or_else(|_| fs::copy(&source, &target).map(|_| ()))
+                .map_err(|cause| Failure::io(&target, cause))?;
+        }
+    }
+    Ok(())
+}
+
+fn answer(
+    arguments: &DiscoverArguments,
+    held_out: &str,
+    found: &Discovery,
+    added: Option<&Added>,
+) -> Result<(), Failure> {
+    let verdict = &found.verdict;
+    if arguments.json {
+        let best = verdict.candidates.first();
+        println!(
+            "{:#}",
+            json!({
+                "verdict": verdict.verdict,
+                "effect": verdict.effect,
+                "set": verdict.set,
+                "confidence": verdict.weight,
+                "reason": verdict.reason,
+                "amplitude": best.map(|c| c.amplitude),
+                "held_out": best.map(|c| json!({
+                    "pose": held_out,
+                    "before_mm": c.held_out.before_mm,
+                    "after_mm": c.held_out.after_mm,
+                    "floor_mm": c.held_out.floor_mm,
+                    "z": c.held_out.z,
+                })),
+                "limit": found.screening.limit,
+                "scores": found.screening.scores,
+                "candidates": verdict.candidates,
+                "not_testable": verdict.not_testable,
+                "budget": found.budget,
+                "added": added.map(|a| json!({
+                    "study": a.study,
+                    "effect": a.effect,
+                    "amplitude": a.amplitude,
+                    "modified_hausdorff_mm": a.modified_hausdorff_mm,
+                })),
+            })
+        );
+        return Ok(());
+    }
+    let kind = serde_json::to_value(verdict.verdict).ok();
+    let kind = kind.as_ref().and_then(|kind| kind.as_str()).unwrap_or_default().replace('_', " ");
+    let name = verdict.effect.as_deref().map(|name| format!(": {name}")).unwrap_or_default();
+    println!("{kind}{name}\n{}\n", verdict.reason);
+    println!("score of each effect (by chance up to {:.1})", found.screening.limit);
+    for score in found.screening.ranked() {
+        let note = if score.testable { "" } else { "  not testable with these data" };
+        println!("  {:20} {:6.2}   amplitude {:9.3}{note}", score.effect, score.z, score.amplitude);
+    }
+    println!("\npose            rms before   after   floor (mm, without rigid motion)");
+    for gap in &found.gaps {
+        let [before, after, floor] = gap.rms_mm;
+        let note = if gap.pose == held_out { "   held out" } else { "" };
+        println!("  {:12} {before:10.2} {after:8.2} {floor:7.2}{note}", gap.pose);
+    }
+    if let Some(added) = added {
+        println!("\nadded {} = {:.4}: {}", added.effect, added.amplitude, added.study.display());
+        println!(
+            "pose            modified Hausdorff distance (mm) without and with it, moduli refitted"
+        );
+        for (pose, [before, after]) in &added.modified_hausdorff_mm {
+            println!("  {pose:12} {before:10.2} {after:8.2}");
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,43 @@
+//! `mammotwin effects`: what a model may lack.
+
+use crate::cli::EffectsArguments;
+use mammotwin_data::Failure;
+use mammotwin_stages::effects::EFFECTS;
+use serde_json::json;
+
+/// Prints the library of effects.
+pub fn effects(arguments: &EffectsArguments) -> Result<(), Failure> {
+    if arguments.json {
+        let all = EFFECTS.map(|effect| {
+            json!({
+                "name": effect.name,
+                "title": effect.title,
+                "place": effect.place,
+                "amplitude": effect.amplitude.meaning,
+                "unit": effect.amplitude.unit,
+                "range": effect.amplitude.range,
+                "signature": effect.signature,
+                "confused_with": effect.confused_with,
+                "separated_by": effect.separated_by,
+            })
+        });
+        println!("{:#}", json!(all));
+        return Ok(());
+    }
+    println!("Switch an effect on with its amplitude, e.g. [model.effects] limit_chain = 0.5\n");
+    for effect in EFFECTS {
+        let amplitude = &effect.amplitude;
+        let [least, greatest] = amplitude.range;
+        println!("{}\n    {}", effect.name, effect.title);
+        println!("    where      {}", effect.place);
+        println!(
+            "    amplitude  {}: {least} to {greatest} {}",
+            amplitude.meaning,
+            if amplitude.unit == "1" { "" } else { amplitude.unit }
+        );
+        println!("    shows as   {}", effect.signature);
+        println!("    like       {}", effect.confused_with.join(", "));
+        println!("    told apart {}\n", effect.separated_by);
+    }
+    Ok(())
+}

@@ -1,0 +1,127 @@
+//! The model and the poses that it must reach: one evaluation is a stress-free shape and an
+//! equilibrium in each pose.
+
+use super::{Fit, RoundTrip};
+use crate::{
+    mesh::BreastMesh,
+    model::{Body, Moduli},
+    pose::PoseTarget,
+    register::Registered,
+    surface::PoseSurfaces,
+};
+use mammotwin_data::{
+    Failure, Vec3,
+    progress::{Progress, Silent},
+    study::{CalibratePlan, ModelPlan, StressFree},
+};
+use mammotwin_solver::{solve, unload};
+
+/// What is evaluated.
+pub struct Experiment<'a> {
+    /// The body in its reference pose.
+    pub body: Body<'a>,
+    /// The reference pose, then the others.
+    pub targets: Vec<PoseTarget>,
+    /// How the stress-free shape is found.
+    pub unload: unload::Options,
+}
+
+/// The measured poses beside the model: names, motions to the reference pose, surfaces.
+pub struct Measured<'a> {
+    /// Name of the reference pose.
+    pub reference: &'a str,
+    /// Unit vector of gravity in the reference pose.
+    pub gravity: Vec3,
+    /// Surfaces of the reference pose.
+    pub surfaces: &'a PoseSurfaces,
+    /// The other poses.
+    pub others: Vec<(&'a str, &'a Registered, &'a PoseSurfaces)>,
+}
+
+impl<'a> Experiment<'a> {
+    /// The experiment of a mesh, a plan and what was measured.
+    ///
+    /// # Errors
+    /// A measured surface that cannot be compared with.
+    pub fn new(
+        mesh: &'a BreastMesh,
+        model: &'a ModelPlan,
+        plan: &CalibratePlan,
+        measured: &Measured,
+    ) -> Result<Self, Failure> {
+        let reference = Registered::reference(measured.gravity);
+        let first = PoseTarget::new(measured.reference, mesh, &reference, measured.surfaces)?;
+        let mut targets = vec![first];
+        for (name, motion, surfaces) in &measured.others {
+            targets.push(PoseTarget::new(name, mesh, motion, surfaces)?);
+        }
+        let method = match plan.stress_free {
+            StressFree::Inverse => unload::Method::Inverse,
+            StressFree::FixedPoint => unload::Method::FixedPoint,
+        };
+        let unload = unload::Options { method, ..unload::Options::default() };
+        Ok(Self { body: Body::new(mesh, model), targets, unload })
+    }
+
+    /// Unloads the reference pose with `moduli` and loads the stress-free shape into each pose.
+    /// An earlier evaluation that is near makes it faster.
+    ///
+    /// # Errors
+    /// [`Failure::Numerics`] when there is no stress-free shape or no equilibrium.
+    pub fn evaluate(
+        &self,
+        moduli: Moduli,
+        near: Option<&Fit>,
+        progress: &dyn Progress,
+        doing: &str,
+    ) -> Result<Fit, Failure> {
+        self.evaluate_as(&self.body, moduli, near, progress, doing)
+    }
+
+    /// The same with another body on the same mesh.
+    ///
+    /// # Errors
+    /// As [`Experiment::evaluate`].
+    pub fn evaluate_as(
+        &self,
+        body: &Body,
+        moduli: Moduli,
+        near: Option<&Fit>,
+        progress: &dyn Progress,
+        doing: &str,
+    ) -> Result<Fit, Failure> {
+        let loaded = &body.mesh.points;
+        let gravity = self.targets[0].gravity;
+        let model = |rest: &[Vec3]| body.model(rest, moduli, gravity, None);
+        let options = &self.unload;
+        let guess = match (near, options.method) {
+            (Some(fit), _) => fit.rest.clone(),
+            (None, unload::Method::Inverse) => loaded.clone(),
+            // Gravity turned round is the thesis' first guess.
+            (None, unload::Method::FixedPoint) => {
+                let lifted = body.model(loaded, moduli, -gravity, None)?;
+                let solution = solve(&lifted, loaded, &options.solve, &Silent);
+                solution.map_or_else(|_| loaded.clone(), |solution| solution.points)
+            }
+        };
+        let found = unload::stress_free(loaded, &guess, model, options, &Silent)
+            .map_err(|cause| Failure::Numerics(format!("stress-free shape: {cause}")))?;
+        let mut poses = Vec::new();
+        for (n, target) in self.targets.iter().enumerate() {
+            progress.report(0.6 + 0.4 * n as f64 / self.targets.len() as f64, doing);
+            let solution = if n == 0 {
+                found.loaded.clone()
+            } else {
+                let start = near.map_or(loaded, |fit| &fit.poses[n].solution.points);
+                target.load(body, &found.rest, moduli, start)?
+            };
+            poses.push(target.measure(solution)?);
+        }
+        let round_trip = RoundTrip {
+            rms_mm: found.miss.rms_mm,
+            max_mm: found.miss.max_mm,
+            off_wall_mm: found.off_surface_mm,
+        };
+        Ok(Fit { moduli, round_trip, rest: found.rest, poses })
+    }
+}

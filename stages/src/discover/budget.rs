@@ -1,0 +1,137 @@
+//! What the measured skin may be off without any effect: the covariance of all errors.
+//!
+//! Residuals are signed normal distances at the compared nodes of all poses, stacked pose after
+//! pose. Rigid motion of a pose is left open: a registration error must not look like physics.
+
+use super::observe::{Frame, Observed};
+use mammotwin_data::Vec3;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use serde::{Deserialize, Serialize};
+
+/// Standard deviations (mm) and lengths (mm) of the errors.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Budget {
+    /// Independent from node to node: noise of the segmentation, as the residuals show it.
+    pub white_mm: f64,
+    /// Segmentation of either image, correlated along the skin ...
+    pub segmentation_mm: f64,
+    /// ... over this length.
+    pub segmentation_length_mm: f64,
+    /// Change of the chest wall between poses, along each axis ...
+    pub chest_mm: f64,
+    /// ... over this length.
+    pub chest_length_mm: f64,
+    /// A surface that lies too far out or in as a whole.
+    pub offset_mm: f64,
+}
+
+/// Least noise from node to node (mm).
+const LEAST_WHITE_MM: f64 = 0.25;
+/// Open rigid motion of a pose: so many millimetres and radians are as likely as none.
+const OPEN_SHIFT_MM: f64 = 10.0;
+const OPEN_TURN: f64 = 0.1;
+
+impl Budget {
+    /// The budget of residuals: their noise from node to node is measured where they differ from
+    /// the mean of their neighbours, robustly. The chest wall's 1 - 2.4 mm rms over waves of
+    /// 160 - 320 mm is what people differ by between poses (Mîra 2018, § 3.1; measured ±5 mm).
+    pub fn of(frame: &Frame, observed: &Observed) -> Self {
+        let mut rough: Vec<f64> = Vec::new();
+        for pose in &observed.poses {
+            for (node, near) in frame.neighbours.iter().enumerate() {
+                if near.len() >= 3 {
+                    let mean = near.iter().map(|&n| pose.signed_mm[n]).sum::<f64>();
+                    let count = near.len() as f64;
+                    // Independent noise: the difference has (1 + 1/n) of its variance.
+                    let scale = (1.0 + 1.0 / count).sqrt();
+                    rough.push((pose.signed_mm[node] - mean / count).abs() / scale);
+                }
+            }
+        }
+        rough.sort_unstable_by(f64::total_cmp);
+        // The median of |x| is 0.6745 standard deviations.
+        let white = rough.get(rough.len() / 2).copied().unwrap_or(0.0) / 0.6745;
+        let white_mm = f64::max(LEAST_WHITE_MM, white);
+        Self {
+            white_mm,
+            segmentation_mm: white_mm,
+            segmentation_length_mm: 12.0,
+            chest_mm: 1.05,
+            chest_length_mm: 60.0,
+            offset_mm: 0.3,
+        }
+    }
+
+    /// Covariance (mm²) of the residuals of all poses. `meshings` are differences (mm) to the same
+    /// model on other meshes; each is as likely an error as its opposite.
+    pub fn covariance(
+        &self,
+        frame: &Frame,
+        observed: &Observed,
+        meshings: &[DVector<f64>],
+    ) -> DMatrix<f64> {
+        let (poses, nodes) = (observed.poses.len(), frame.reference.len());
+        let bell = |a: &Vec3, b: &Vec3, length: f64| {
+            (-0.5 * (a - b).norm_squared() / (length * length)).exp()
+        };
+        let mut sum = DMatrix::zeros(poses * nodes, poses * nodes);
+        let segmentation = self.segmentation_mm.powi(2);
+        let reference = DMatrix::from_fn(nodes, nodes, |i, j| {
+            let facing = frame.normals[i].dot(&frame.normals[j]).max(0.0);
+            let (a, b) = (&frame.reference[i], &frame.reference[j]);
+            segmentation * bell(a, b, self.segmentation_length_mm) * facing
+        });
+        for p in 0..poses {
+            for q in 0..poses {
+                let mut block = sum.view_mut((p * nodes, q * nodes), (nodes, nodes));
+                block += &reference;
+                if p != q {
+                    continue;
+                }
+                let pose = &observed.poses[p];
+                let rigid = pose.rigid_modes();
+                for i in 0..nodes {
+                    for j in 0..nodes {
+                        let (a, b) = (&pose.points[i], &pose.points[j]);
+                        let facing = pose.normals[i].dot(&pose.normals[j]);
+                        let own = segmentation * bell(a, b, self.segmentation_length_mm);
+                        let chest = self.chest_mm.powi(2) * bell(a, b, self.chest_length_mm);
+                        let mut error = own * facing.max(0.0) + chest * facing;
+                        error += self.offset_mm.powi(2);
+                        for (mode, open) in rigid.iter().zip(OPEN) {
+                            error += (open * open) * mode[i] * mode[j];
+                        }
+                        block[(i, j)] += error;
+                    }
+                    block[(i, i)] += self.white_mm.powi(2);
+                }
+            }
+        }
+        for difference in meshings {
+            sum.ger(1.0, difference, difference, 1.0);
+        }
+        sum
+    }
+}
+
+const OPEN: [f64; 6] =
+    [OPEN_SHIFT_MM, OPEN_SHIFT_MM, OPEN_SHIFT_MM, OPEN_TURN, OPEN_TURN, OPEN_TURN];
+
+/// Turns residuals into independent ones of variance 1.
+pub struct Whitener(Cholesky<f64, Dyn>);
+
+impl Whitener {
+    /// Of a covariance, for the rows of the given poses of `nodes` each; `None` when the
+    /// covariance is not positive.
+    pub fn new(covariance: &DMatrix<f64>, poses: &[usize], nodes: usize) -> Option<Self> {
+        let rows: Vec<usize> = poses.iter().flat_map(|p| p * nodes..(p + 1) * nodes).collect();
+        Cholesky::new(covariance.select_rows(&rows).select_columns(&rows)).map(Self)
+    }
+
+    /// Whitened residuals.
+    pub fn whiten(&self, residual: &DVector<f64>) -> DVector<f64> {
+        let mut whitened = residual.clone();
+        self.0.l_dirty().solve_lower_triangular_mut(&mut whitened);
+        whitened
+    }
+}

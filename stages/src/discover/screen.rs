@@ -1,0 +1,126 @@
+//! Score test: does any effect explain the residuals beyond what the moduli can?
+
+use super::budget::Whitener;
+use crate::effects::{EFFECTS, Effect};
+use nalgebra::{DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
+
+/// Chance of naming anything where there is nothing.
+const ALPHA: f64 = 0.01;
+/// Draws of the largest score under nothing.
+const DRAWS: usize = 20_000;
+const SEED: u64 = 0x5c0e;
+
+/// One effect, tested.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    /// Word of the effect.
+    pub effect: String,
+    /// Score in standard deviations; positive: with this sign the effect explains residuals.
+    pub z: f64,
+    /// Amplitude that explains most, linearly.
+    pub amplitude: f64,
+    /// Part of the effect's signature that the moduli do not absorb.
+    pub surviving: f64,
+    /// Score that the largest plausible amplitude would have.
+    pub detectable_z: f64,
+    /// Whether the data could show the effect at all.
+    pub testable: bool,
+}
+
+/// All effects, tested.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Screening {
+    /// In the order of the library; effects whose signature could not be computed are missing.
+    pub scores: Vec<Score>,
+    /// A score beyond this is found by chance in 1 % of data without any effect.
+    pub limit: f64,
+    /// Cosines between what survives of the signatures, row after row.
+    pub cosines: Vec<Vec<f64>>,
+}
+
+impl Screening {
+    /// Tests signatures (mm per unit of amplitude, rows as the residuals) against residuals (mm).
+    pub fn new(
+        whitener: &Whitener,
+        residual: &DVector<f64>,
+        moduli: &[DVector<f64>],
+        signatures: &[(&'static Effect, DVector<f64>)],
+    ) -> Self {
+        let absorbed: Vec<DVector<f64>> = moduli.iter().map(|m| whitener.whiten(m)).collect();
+        let basis = if absorbed.is_empty() {
+            DMatrix::zeros(residual.len(), 0)
+        } else {
+            DMatrix::from_columns(&absorbed).qr().q()
+        };
+        let surviving = |v: &DVector<f64>| v - &basis * (basis.transpose() * v);
+        let rest = surviving(&whitener.whiten(residual));
+        let whitened: Vec<DVector<f64>> =
+            signatures.iter().map(|(_, s)| whitener.whiten(s)).collect();
+        let left: Vec<DVector<f64>> = whitened.iter().map(surviving).collect();
+        let unit: Vec<DVector<f64>> =
+            left.iter().map(|v| v / v.norm().max(f64::MIN_POSITIVE)).collect();
+        let cosines: Vec<Vec<f64>> =
+            unit.iter().map(|a| unit.iter().map(|b| a.dot(b)).collect()).collect();
+        let limit = limit(&cosines, signatures);
+        let score = |k: usize| {
+            let effect = signatures[k].0;
+            let [least, greatest] = effect.amplitude.range;
+            let z = allowed(effect, -unit[k].dot(&rest));
+            let size = left[k].norm();
+            let detectable_z = size * f64::max(-least, greatest);
+            Score {
+                effect: effect.name.into(),
+                z: z.abs(),
+                amplitude: z / size.max(f64::MIN_POSITIVE),
+                surviving: size / whitened[k].norm().max(f64::MIN_POSITIVE),
+                detectable_z,
+                testable: detectable_z > limit,
+            }
+        };
+        Self { scores: (0..signatures.len()).map(score).collect(), limit, cosines }
+    }
+
+    /// Scores, the largest first.
+    pub fn ranked(&self) -> Vec<&Score> {
+        let mut ranked: Vec<&Score> = self.scores.iter().collect();
+        ranked.sort_by(|a, b| b.z.total_cmp(&a.z));
+        ranked
+    }
+
+    /// Effects that have no signature.
+    pub fn failed(&self) -> usize {
+        EFFECTS.len() - self.scores.len()
+    }
+}
+
+/// A score with a sign that the effect cannot have counts as none.
+fn allowed(effect: &Effect, z: f64) -> f64 {
+    let [least, greatest] = effect.amplitude.range;
+    if (z < 0.0 && least == 0.0) || (z > 0.0 && greatest == 0.0) { 0.0 } else { z }
+}
+
+/// The largest of all scores that chance exceeds with probability [`ALPHA`].
+fn limit(cosines: &[Vec<f64>], signatures: &[(&'static Effect, DVector<f64>)]) -> f64 {
+    let n = cosines.len();
+    // A ridge keeps the factor real where signatures are alike.
+    let correlation =
+        DMatrix::from_fn(n, n, |i, j| cosines[i][j] + if i == j { 1e-9 } else { 0.0 });
+    let Some(factor) = correlation.cholesky().map(|factor| factor.l()) else {
+        return f64::INFINITY;
+    };
+    let mut random = ChaCha8Rng::seed_from_u64(SEED);
+    let mut largest: Vec<f64> = (0..DRAWS)
+        .map(|_| {
+            let normal = |_, _| StandardNormal.sample(&mut random);
+            let z: DVector<f64> = &factor * DVector::from_fn(n, normal);
+            let one = |k: usize| allowed(signatures[k].0, z[k]).abs();
+            (0..n).map(one).fold(0.0, f64::max)
+        })
+        .collect();
+    largest.sort_unstable_by(f64::total_cmp);
+    largest.get(((1.0 - ALPHA) * DRAWS as f64) as usize).copied().unwrap_or(f64::INFINITY)
+}

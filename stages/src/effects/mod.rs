@@ -1,0 +1,143 @@
+//! The library of physical effects that a model may lack.
+//!
+//! An effect changes the [`Recipe`] of a body by an amplitude; amplitude zero is the model without
+//! it, and small amplitudes change the model in proportion. A new effect is one file here and one
+//! line in [`EFFECTS`].
+
+mod compressible;
+mod cranial_ligament;
+mod density;
+mod fascia_limit;
+mod gland_inclusion;
+mod inframammary_slack;
+mod lateral_ligament;
+mod left_right;
+mod limit_chain;
+mod skin_region;
+mod skin_thickness;
+
+use crate::model::{Anatomy, Ligament, Recipe, Tether};
+use mammotwin_data::{Failure, Vec3, mesh::TetMesh};
+use std::collections::BTreeMap;
+
+/// All effects, in the order in which they are listed. The study's reader knows their names as
+/// [`mammotwin_data::study::EFFECTS`]; a test keeps the two alike.
+pub const EFFECTS: [&Effect; 11] = [
+    &limit_chain::EFFECT,
+    &fascia_limit::EFFECT,
+    &cranial_ligament::EFFECT,
+    &lateral_ligament::EFFECT,
+    &inframammary_slack::EFFECT,
+    &skin_region::EFFECT,
+    &skin_thickness::EFFECT,
+    &gland_inclusion::EFFECT,
+    &compressible::EFFECT,
+    &left_right::EFFECT,
+    &density::EFFECT,
+];
+
+/// A physical effect: what it is to people, and what it does to a model.
+pub struct Effect {
+    /// Word in study files.
+    pub name: &'static str,
+    /// What people call it.
+    pub title: &'static str,
+    /// Where it acts.
+    pub place: &'static str,
+    /// What its number means.
+    pub amplitude: Amplitude,
+    /// One sentence for the report.
+    pub sentence: &'static str,
+    /// What shows it, and what tells it from others.
+    pub signature: &'static str,
+    /// Effects that look alike.
+    pub confused_with: &'static [&'static str],
+    /// What measurement would tell them apart.
+    pub separated_by: &'static str,
+    apply: fn(&mut Recipe, f64, &Scene),
+}
+
+/// The number of an effect; zero is the model without it.
+#[derive(Debug, Clone, Copy)]
+pub struct Amplitude {
+    /// What it is, e.g. `1/Jₘ of the breast`.
+    pub meaning: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Plausible range.
+    pub range: [f64; 2],
+    /// A small amplitude, for differences.
+    pub small: f64,
+}
+
+/// The body that a recipe is for, in its reference pose.
+pub struct Scene<'a> {
+    /// Its mesh.
+    pub mesh: &'a TetMesh,
+    /// Bases of its breasts.
+    pub anatomy: &'a Anatomy,
+}
+
+impl Effect {
+    /// The effect of a word.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        EFFECTS.into_iter().find(|effect| effect.name == name)
+    }
+}
+
+/// Changes a recipe by all effects of a study (`model.effects`: amplitude by name).
+///
+/// # Errors
+/// [`Failure::BadInput`] for a name that is not in the library, or an amplitude outside the
+/// plausible range.
+pub fn apply(
+    recipe: &mut Recipe,
+    effects: &BTreeMap<String, f64>,
+    scene: &Scene,
+) -> Result<(), Failure> {
+    for (name, &amplitude) in effects {
+        let refuse = |why: String| Failure::BadInput(format!("model.effects.{name}: {why}"));
+        let effect = Effect::named(name)
+            .ok_or_else(|| refuse("no such effect; `mammotwin effects` lists them".into()))?;
+        let [least, greatest] = effect.amplitude.range;
+        if !(least..=greatest).contains(&amplitude) {
+            let unit = effect.amplitude.unit;
+            return Err(refuse(format!(
+                "{amplitude} is outside the plausible range {least} to {greatest} {unit}"
+            )));
+        }
+        if amplitude != 0.0 {
+            (effect.apply)(recipe, amplitude, scene);
+        }
+    }
+    Ok(())
+}
+
+/// Multiplies the stiffness of one ligament.
+fn stiffen(recipe: &mut Recipe, ligament: Ligament, factor: f64) {
+    for Tether { stiffness, .. } in recipe.tethers_of(ligament) {
+        *stiffness *= factor;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_reader_of_studies_knows_the_same_effects() {
+        assert_eq!(EFFECTS.map(|effect| effect.name), mammotwin_data::study::EFFECTS);
+    }
+
+    #[test]
+    fn ranges_hold_zero_and_the_small_amplitude_and_rivals_exist() {
+        for effect in EFFECTS {
+            let Amplitude { range: [least, greatest], small, .. } = effect.amplitude;
+            assert!(least <= 0.0 && small > 0.0 && small < 0.5 * greatest, "{}", effect.name);
+            for rival in effect.confused_with {
+                assert!(Effect::named(rival).is_some(), "{}: {rival}", effect.name);
+                assert_ne!(*rival, effect.name);
+            }
+        }
+    }
+}
