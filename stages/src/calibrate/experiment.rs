@@ -112,7 +112,9 @@ impl<'a> Experiment<'a> {
             let solution = if n == 0 {
                 found.loaded.clone()
             } else {
-                let start = near.map_or(loaded, |fit| &fit.poses[n].solution.points);
+                let near = near.map_or(&[][..], |fit| &fit.poses);
+                let same = near.iter().find(|pose| pose.pose == target.pose);
+                let start = same.map_or(loaded, |pose| &pose.solution.points);
                 target.load(body, &found.rest, moduli, start)?
             };
             poses.push(target.measure(solution)?);
