@@ -38,7 +38,7 @@ fn everything() -> Model {
     model.add(Cables::new("cables", vec![cable]).unwrap()).unwrap();
     let wall = Cylinder { point: Vec3::new(12.0, 8.0, -90.0), axis: Vec3::x(), radius_mm: 89.0 };
     let base = mesh.patch(Patch::ChestWall);
-    model.add(Sliding::new("wall", points, base, Arc::new(wall), 0.0).unwrap()).unwrap();
+    model.add(Sliding::new("wall", points, base, Arc::new(wall))).unwrap();
     let shape = RoundedPlate { into: Vec3::y(), away: Vec3::z(), edge_mm: 5.0, radius_mm: 4.0 };
     for kind in [PlateKind::Receptor, PlateKind::Paddle] {
         model.add(Plate::new(kind, shape, points, faces)).unwrap();

@@ -41,7 +41,7 @@ impl Case {
         if self.slides {
             let wall = Cylinder { point: Vec3::z() * WALL_Z_MM, axis: Vec3::y(), radius_mm: 150.0 };
             let faces = mesh.patch(Patch::ChestWall);
-            model.add(Sliding::new("wall", &body.mesh.points, faces, Arc::new(wall), 0.0)?)?;
+            model.add(Sliding::new("wall", &body.mesh.points, faces, Arc::new(wall)))?;
         }
         let held = if self.slides { body.rim.clone() } else { mesh.patch_nodes(Patch::ChestWall) };
         for node in held {
