@@ -14,7 +14,7 @@ use mammotwin_data::{
     rigid::RigidTransform,
     solution::Solution,
     store::{Artifact, Stage},
-    study::{CompressPlan, InterfaceKind, ModelPlan, Stop},
+    study::{CompressPlan, ModelPlan, Stop},
     surface::TriMesh,
     units::NEWTON,
 };
@@ -118,8 +118,8 @@ impl Compression {
 impl Stage for Compress {
     const NAME: &'static str = "compress";
     const VERSION: u32 = 3;
-    const METHODS: &'static str = "The breast was compressed between two frictionless rigid plates, their rounded edges \
-         along the chest wall under it, from its stress-free shape and without gravity (the thesis \
+    const METHODS: &'static str = "The breast was compressed between two rigid plates, frictionless unless \
+         stated otherwise, their rounded edges along the chest wall under it, from its stress-free shape and without gravity (the thesis \
          neglects its prestress, too).";
     type Input = (BreastMesh, Calibration);
     type Output = Compression;
@@ -149,15 +149,14 @@ impl Stage for Compress {
         let options = Options::default();
         // Without gravity a bonded breast rests in its stress-free shape; one that slides is
         // first brought onto the chest wall.
-        let settled = match self.model.interface.kind {
-            InterfaceKind::Bonded => rest.clone(),
-            InterfaceKind::NoSeparation => {
-                progress.report(0.0, "without gravity");
-                let free = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
-                solve(&free, &rest, &options, &Silent)
-                    .map_err(|cause| Failure::Numerics(format!("compress, settling: {cause}")))?
-                    .points
-            }
+        let settled = if self.model.interface.is_bonded() {
+            rest.clone()
+        } else {
+            progress.report(0.0, "without gravity");
+            let free = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
+            solve(&free, &rest, &options, &Silent)
+                .map_err(|cause| Failure::Numerics(format!("compress, settling: {cause}")))?
+                .points
         };
 
         // The cut at the sternum stays where it settled.
@@ -173,6 +172,7 @@ impl Stage for Compress {
             away: base.normal,
             edge_mm: base.normal.dot(&base.center) + self.plan.chest_wall_distance_mm,
             radius_mm: EDGE_RADIUS_MM,
+            friction: self.plan.friction,
             faces: skin.filter(|face| face.iter().all(near)).copied().collect(),
         };
         let nipple_node = nearest(&part.mesh.points, &base.nipple);
@@ -334,6 +334,7 @@ mod tests {
             away: Vec3::y(),
             edge_mm,
             radius_mm: EDGE_RADIUS_MM,
+            friction: 0.0,
             faces: vec![[0, 1, 2]],
         };
         let points = [[0.0, 40.0, -10.0], [0.0, 40.0, 20.0], [0.0, 50.0, 5.0]].map(Vec3::from);

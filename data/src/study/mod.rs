@@ -3,11 +3,13 @@
 //! Unknown keys are refused by serde; `validate` refuses implausible values. Paths are relative
 //! to the folder of the study file.
 
+mod interface;
 mod law;
 mod locate;
 mod validate;
 mod wording;
 
+pub use interface::{InterfaceKind, InterfacePlan, InterfaceRegion, RegionPlan};
 pub use law::{BadConstant, LawConstants, LawName, OgdenTerms};
 pub use validate::{CALIBRATED, EFFECTS, LIGAMENTS, StudyError, parse};
 
@@ -271,33 +273,6 @@ impl Default for LigamentPlan {
     }
 }
 
-/// What happens between breast and muscle.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum InterfaceKind {
-    /// Slides, but never lifts off.
-    #[default]
-    NoSeparation,
-    /// Glued.
-    Bonded,
-}
-
-/// What happens between breast and muscle.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct InterfacePlan {
-    /// Contact law.
-    pub kind: InterfaceKind,
-    /// Coulomb friction coefficient.
-    pub friction: f64,
-}
-
-impl Default for InterfacePlan {
-    fn default() -> Self {
-        Self { kind: InterfaceKind::NoSeparation, friction: 0.1 }
-    }
-}
-
 /// Element size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -399,6 +374,9 @@ pub struct CompressPlan {
     pub stop: Stop,
     /// Law in compression.
     pub law: CompressLaw,
+    /// Coulomb friction between skin and plates.
+    #[serde(default)]
+    pub friction: f64,
 }
 
 /// How the exposure is set.
