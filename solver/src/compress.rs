@@ -5,14 +5,14 @@ use crate::model::{Model, ModelError};
 use crate::newton::Newton;
 use crate::paddles::RoundedPlate;
 use crate::solve::{self, Options, SolveError};
-use crate::terms::Load;
 use crate::terms::plate::{Plate, PlateKind};
-use crate::terms::sliding::node_areas;
+use crate::terms::{Load, Slip};
 use mammotwin_data::{
     Vec3,
     progress::{Progress, Silent},
     solution::{Checks, Solution},
 };
+use std::collections::BTreeMap;
 
 /// The two plates, and what they press on.
 #[derive(Debug, Clone)]
@@ -25,6 +25,8 @@ pub struct Plates {
     pub edge_mm: f64,
     /// Radius of the rounded edges (mm).
     pub radius_mm: f64,
+    /// Coulomb friction between skin and plates.
+    pub friction: f64,
     /// Skin that the plates may touch; nodes that the model fixes are not touched: no force of a
     /// plate would move them out of its way.
     pub faces: Vec<[u32; 3]>,
@@ -65,7 +67,7 @@ pub struct Step {
     pub paddle_force_mn: f64,
     /// Force of the receptor along the axis (mN), positive when pressing.
     pub receptor_force_mn: f64,
-    /// Area of the skin that the paddle touches (mm²).
+    /// Area of the paddle that the skin covers (mm²).
     pub contact_area_mm2: f64,
     /// Force of the paddle over its contact area (kPa).
     pub mean_pressure_kpa: f64,
@@ -99,7 +101,7 @@ impl Plates {
         (low, high - low)
     }
 
-    fn plate(&self, kind: PlateKind, model: &Model) -> Plate {
+    fn plate(&self, kind: PlateKind, model: &Model) -> Result<Plate, ModelError> {
         let into = match kind {
             PlateKind::Receptor => -self.axis,
             PlateKind::Paddle => self.axis,
@@ -111,7 +113,8 @@ impl Plates {
             radius_mm: self.radius_mm,
         };
         let fixed = |n: u32| model.fixed()[n as usize] == [true; 3];
-        Plate::new(kind, shape, &model.rest, &self.faces).without(fixed)
+        let plate = Plate::new(kind, shape, &model.rest, &self.faces).without(fixed);
+        plate.slip(Slip::Coulomb(self.friction))
     }
 
     /// # Errors
@@ -172,8 +175,8 @@ pub fn compress(
 ) -> Result<Compressed, SolveError> {
     let refuse = |error: ModelError| SolveError::Assembly(error.into());
     plates.check(closing).map_err(refuse)?;
-    let receptor = plates.plate(PlateKind::Receptor, &model);
-    let paddle = plates.plate(PlateKind::Paddle, &model);
+    let receptor = plates.plate(PlateKind::Receptor, &model).map_err(refuse)?;
+    let paddle = plates.plate(PlateKind::Paddle, &model).map_err(refuse)?;
     let indices = [model.terms().len(), model.terms().len() + 1];
     model.add(receptor.clone()).map_err(refuse)?;
     model.add(paddle.clone()).map_err(refuse)?;
@@ -246,6 +249,38 @@ fn fraction(closing: &Closing, step: &Step, goal: f64) -> f64 {
     done.clamp(0.0, 1.0)
 }
 
+/// Deformed skin (mm²) around a node.
+#[derive(Default)]
+struct Skin {
+    area: f64,
+    vector: Vec3,
+}
+
+/// Least part of the skin around a node that a plate is taken to touch.
+const LEAST_FACING: f64 = 0.25;
+
+impl Skin {
+    /// Area of a plate with this normal that the skin covers. Pressures are those on the plate: they
+    /// add up to its force whether or not the skin is folded under it.
+    fn facing(&self, normal: Vec3) -> f64 {
+        self.vector.dot(&normal).max(LEAST_FACING * self.area)
+    }
+}
+
+fn area_vectors(points: &[Vec3], faces: &[[u32; 3]]) -> BTreeMap<u32, Skin> {
+    let mut skins: BTreeMap<u32, Skin> = BTreeMap::new();
+    for face in faces {
+        let [a, b, c] = face.map(|n| points[n as usize]);
+        let third = (b - a).cross(&(c - a)) / 6.0;
+        for &n in face {
+            let skin = skins.entry(n).or_default();
+            skin.area += third.norm();
+            skin.vector += third;
+        }
+    }
+    skins
+}
+
 /// A model between plates.
 struct Press<'a> {
     model: Model,
@@ -303,15 +338,16 @@ impl Press<'_> {
 
     fn record(&self, state: &State) -> Step {
         let axis = self.plates.axis;
-        let areas = node_areas(&state.points, &self.plates.faces);
+        let areas = area_vectors(&state.points, &self.plates.faces);
         let mut pressures = vec![0.0; state.points.len()];
         let mut sums = [0.0, 0.0];
         let mut contact_area = 0.0;
         for (which, plate) in [&self.receptor, &self.paddle].into_iter().enumerate() {
-            for (node, force) in plate.node_forces(&state.at(self.indices[which])) {
-                sums[which] += force.dot(&axis);
-                let area = areas.get(&node).copied().unwrap_or(f64::INFINITY);
-                pressures[node as usize] += force.norm() / area;
+            for force in plate.node_forces(&state.at(self.indices[which])) {
+                sums[which] += (force.normal + force.friction).dot(&axis);
+                let Some(normal) = force.normal.try_normalize(0.0) else { continue };
+                let area = areas.get(&force.node).map_or(f64::INFINITY, |a| a.facing(-normal));
+                pressures[force.node as usize] += force.normal.norm() / area;
                 if which == 1 {
                     contact_area += area;
                 }

@@ -12,6 +12,7 @@ use common::{Body, coarse, fine};
 use mammotwin_data::{Vec3, mesh::Patch, progress::Silent, study::LawName};
 use mammotwin_solver::compress::{Closing, Compressed, Plates, Step, Stop, compress};
 use mammotwin_solver::materials::Law;
+use mammotwin_solver::paddles::RoundedPlate;
 use mammotwin_solver::terms::Bulk;
 use mammotwin_solver::{Model, Options};
 
@@ -27,6 +28,7 @@ fn squeeze(body: &Body, law: Law, radius_mm: f64, goal_mm: f64) -> Compressed {
         away: Vec3::z(),
         edge_mm: 20.0,
         radius_mm,
+        friction: 0.0,
         faces: mesh.patch(Patch::Skin).to_vec(),
     };
     let closing = Closing {
@@ -48,7 +50,39 @@ fn squeeze(body: &Body, law: Law, radius_mm: f64, goal_mm: f64) -> Compressed {
         );
     }
     println!("{:?}: {:?} {:?}", clock.elapsed(), done.stopped_early, done.solution.checks);
+    for step in &done.steps {
+        integrates(&plates, step);
+    }
     done
+}
+
+/// The tractions on the skin, pressure times the plates' normal, sum up to what the plates press
+/// with.
+#[track_caller]
+fn integrates(plates: &Plates, step: &Step) {
+    let Plates { axis, away, edge_mm, radius_mm, .. } = *plates;
+    let middle = step.receptor_mm + 0.5 * step.thickness_mm;
+    let mut forces = [0.0, 0.0];
+    for face in &plates.faces {
+        let [a, b, c] = face.map(|n| step.points[n as usize]);
+        let third = (b - a).cross(&(c - a)) / 6.0;
+        for (n, p) in face.iter().zip([a, b, c]) {
+            let above = p.dot(&axis) > middle;
+            let (into, level) = if above {
+                (axis, step.receptor_mm + step.thickness_mm)
+            } else {
+                (-axis, -step.receptor_mm)
+            };
+            let normal = RoundedPlate { into, away, edge_mm, radius_mm }.distance(&p, level).1;
+            let force = step.contact_pressure_kpa[*n as usize] * -third.dot(&normal) * normal;
+            forces[usize::from(above)] -= force.dot(&into);
+        }
+    }
+    let [low, high] = forces;
+    for (sum, force) in [(low, step.receptor_force_mn), (high, step.paddle_force_mn)] {
+        println!("{:.1} mm: {sum:.2} for {force:.2} mN", step.thickness_mm);
+        assert!((sum - force).abs() <= 0.01 * force.abs() + 0.01, "{sum} for {force} mN");
+    }
 }
 
 /// Force (N) of both plates at a thickness that was recorded.

@@ -330,6 +330,17 @@ fn plates_with_friction_hold_what_they_touch() {
             step.paddle_force_mn, step.receptor_force_mn, done.solution.checks
         );
         assert!((step.paddle_force_mn / step.receptor_force_mn - 1.0).abs() < 1e-4);
+        // The pressure field, linear over the deformed faces, sums up to the force.
+        let sum: f64 = mesh
+            .patch(Patch::Skin)
+            .iter()
+            .map(|face| {
+                let [a, b, c] = face.map(|n| step.points[n as usize]);
+                let sum: f64 = face.iter().map(|&n| step.contact_pressure_kpa[n as usize]).sum();
+                sum * (b - a).cross(&(c - a)).z / 6.0
+            })
+            .sum();
+        assert!((sum / step.paddle_force_mn - 1.0).abs() < 0.01, "{sum} mN of pressure");
         assert!(step.paddle_force_mn > last, "friction stiffens");
         last = step.paddle_force_mn;
     }

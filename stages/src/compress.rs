@@ -117,7 +117,7 @@ impl Compression {
 
 impl Stage for Compress {
     const NAME: &'static str = "compress";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const METHODS: &'static str = "The breast was compressed between two rigid plates, frictionless unless \
          stated otherwise, their rounded edges along the chest wall under it, from its stress-free shape and without gravity (the thesis \
          neglects its prestress, too).";
