@@ -55,6 +55,15 @@ pub enum SolveError {
         /// Number of start positions.
         got: usize,
     },
+    /// A paddle that turns without end.
+    #[error(
+        "the paddle finds no tilt at {thickness_mm:.1} mm at which hinge and breast are in balance; \
+         stiffen the hinge"
+    )]
+    Hinge {
+        /// Distance of the plates (mm).
+        thickness_mm: f64,
+    },
     /// The load could not be carried.
     #[error(
         "no equilibrium beyond {:.1} % of the load: {why} in {term}, element {element}, at \

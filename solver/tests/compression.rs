@@ -12,11 +12,18 @@ use common::{Body, coarse, fine};
 use mammotwin_data::{Vec3, mesh::Patch, progress::Silent, study::LawName};
 use mammotwin_solver::compress::{Closing, Compressed, Plates, Step, Stop, compress};
 use mammotwin_solver::materials::Law;
-use mammotwin_solver::paddles::RoundedPlate;
+use mammotwin_solver::paddles::{Hinge, RoundedPlate};
 use mammotwin_solver::terms::Bulk;
 use mammotwin_solver::{Model, Options};
 
+/// Where the plates' edges are, from the base (mm).
+const EDGE_MM: f64 = 20.0;
+
 fn squeeze(body: &Body, law: Law, radius_mm: f64, goal_mm: f64) -> Compressed {
+    press(body, law, radius_mm, goal_mm, None)
+}
+
+fn press(body: &Body, law: Law, radius_mm: f64, goal_mm: f64, hinge: Option<Hinge>) -> Compressed {
     let mesh = &body.mesh;
     let mut model = Model::new(mesh);
     model.add(Bulk::new("breast", mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
@@ -26,9 +33,10 @@ fn squeeze(body: &Body, law: Law, radius_mm: f64, goal_mm: f64) -> Compressed {
     let plates = Plates {
         axis: Vec3::y(),
         away: Vec3::z(),
-        edge_mm: 20.0,
+        edge_mm: EDGE_MM,
         radius_mm,
         friction: 0.0,
+        hinge,
         faces: mesh.patch(Patch::Skin).to_vec(),
     };
     let closing = Closing {
@@ -43,14 +51,15 @@ fn squeeze(body: &Body, law: Law, radius_mm: f64, goal_mm: f64) -> Compressed {
         compress(model, &plates, &closing, &mesh.points, &Options::default(), &Silent).unwrap();
     for step in &done.steps {
         println!(
-            "{:6.1} mm {:.4} N {:.4} N",
+            "{:6.1} mm {:6.2}° {:.4} N {:.4} N",
             step.thickness_mm,
+            step.tilt_rad.to_degrees(),
             step.paddle_force_mn / 1e3,
             step.receptor_force_mn / 1e3
         );
     }
     println!("{:?}: {:?} {:?}", clock.elapsed(), done.stopped_early, done.solution.checks);
-    for step in &done.steps {
+    for step in done.steps.iter().filter(|step| step.tilt_rad == 0.0) {
         integrates(&plates, step);
     }
     done
@@ -129,6 +138,57 @@ fn a_gent_breast_reaches_50_mm_with_any_edge() {
 fn a_gent_breast_near_its_limit_reaches_45_mm() {
     let law = Law::new(LawName::Gent, 0.5, 0.499, Some(1.0)).unwrap();
     check(&squeeze(&coarse(), law, 10.0, 45.0), 45.0);
+}
+
+/// Torque (mN mm) of the contact pressures on a tilted paddle about its axis, from the pressures,
+/// the deformed skin and the paddle's shape.
+fn torque_of_pressures(body: &Body, step: &Step, axis_mm: f64) -> f64 {
+    let (sin, cos) = step.tilt_rad.sin_cos();
+    let axis = Vec3::new(0.0, step.receptor_mm + step.thickness_mm, EDGE_MM + axis_mm);
+    let (into, away) = (Vec3::new(0.0, cos, sin), Vec3::new(0.0, -sin, cos));
+    let edge_mm = away.dot(&axis) - axis_mm;
+    let paddle = RoundedPlate { into, away, edge_mm, radius_mm: 10.0 };
+    let mut torque = 0.0;
+    for face in body.mesh.patch(Patch::Skin) {
+        let [a, b, c] = face.map(|n| step.points[n as usize]);
+        let third = (b - a).cross(&(c - a)) / 6.0;
+        for (n, p) in face.iter().zip([a, b, c]) {
+            if p.y > step.receptor_mm + 0.5 * step.thickness_mm {
+                let normal = paddle.distance(&p, into.dot(&axis)).1;
+                let push = step.contact_pressure_kpa[*n as usize] * third.dot(&normal) * normal;
+                torque += (p - axis).cross(&push).x;
+            }
+        }
+    }
+    torque
+}
+
+#[test]
+fn a_paddle_on_a_hinge_tilts_until_torques_balance() {
+    let body = coarse();
+    let law = Law::neo_hookean_coupled(0.5, 0.49).unwrap();
+    let hinge = |linear_mn_mm: f64, axis_mm: f64| Hinge {
+        axis_mm,
+        linear_mn_mm,
+        quadratic_mn_mm: 5.0 * linear_mn_mm,
+    };
+    let rigid = squeeze(&body, law, 10.0, 92.0);
+    let hard = press(&body, law, 10.0, 92.0, Some(hinge(1e12, 30.0)));
+    let [a, b] = [&rigid, &hard].map(|d| d.steps.last().unwrap().paddle_force_mn);
+    assert!((a / b - 1.0).abs() < 1e-3, "a stiff hinge is none: {a} {b}");
+    // The axis behind the breast: all of it lifts the side of the nipple. Beyond it: the reverse.
+    for (axis_mm, sign) in [(0.0, -1.0), (30.0, 0.0), (120.0, 1.0)] {
+        let hinge = hinge(2e5, axis_mm);
+        let soft = press(&body, law, 10.0, 92.0, Some(hinge));
+        assert!(soft.stopped_early.is_none(), "{:?}", soft.stopped_early);
+        let step = soft.steps.last().unwrap();
+        let (torque, tilt) = (hinge.torque(step.tilt_rad), step.tilt_rad);
+        let pressures = torque_of_pressures(&body, step, axis_mm);
+        println!("{axis_mm}: {:.2}°, {torque:.0} of {pressures:.0} mN mm", tilt.to_degrees());
+        assert!((pressures / torque - 1.0).abs() < 0.02, "{torque} of {pressures} mN mm");
+        assert!(sign == 0.0 || sign * tilt > 0.001, "tilts by {tilt}");
+        assert!(soft.solution.checks.force_imbalance < 1e-6);
+    }
 }
 
 #[test]

@@ -306,6 +306,7 @@ fn plates_with_friction_hold_what_they_touch() {
             edge_mm: -1e3,
             radius_mm: 1.0,
             friction,
+            hinge: None,
             faces: faces.collect(),
         };
         let closing = Closing {

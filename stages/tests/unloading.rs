@@ -117,17 +117,28 @@ fn the_fixed_point_on_the_same_bodies() {
     }
 }
 
-/// Measures, and asserts nothing yet: which bodies that slide against friction return.
+#[test]
+fn a_supine_body_that_slides_against_friction_returns_to_its_shape() {
+    let tissues =
+        Tissues { breast_kpa: 0.3, kind: InterfaceKind::NoSeparation, friction: 0.1, ..SOFT };
+    let found = unloaded(&volunteer("tiny"), tissues, Method::Inverse).unwrap();
+    assert!(found.miss.rms_mm < 0.05, "{:?}", found.miss);
+    assert!(found.loaded.checks.friction_lag <= 1e-4, "{:?}", found.loaded.checks);
+}
+
 #[test]
 #[ignore = "minutes: friction on the chest wall"]
 fn bodies_that_slide_against_friction() {
     let preset = std::env::var("PRESET").unwrap_or_else(|_| "tiny".into());
     let volunteer = volunteer(&preset);
+    let mut off = 0;
     for breast_kpa in [0.2, 0.3, 0.5] {
         for friction in [0.0, 0.1, 0.3] {
             let kind = InterfaceKind::NoSeparation;
             let tissues = Tissues { breast_kpa, kind, friction, ..SOFT };
-            let _ = unloaded(&volunteer, tissues, Method::Inverse);
+            let found = unloaded(&volunteer, tissues, Method::Inverse);
+            off += usize::from(!found.is_ok_and(|found| found.miss.rms_mm < 0.05));
         }
     }
+    assert_eq!(off, 0, "round trips over 0.05 mm");
 }

@@ -334,6 +334,28 @@ pub enum PaddleName {
     /// Flat, does not bend or tilt.
     #[default]
     Rigid,
+    /// Flat, tilts about an axis along the chest-wall edge.
+    Flex,
+}
+
+/// The hinge of a flex paddle: its torque is a polynomial of second degree in the tilt.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct HingePlan {
+    /// Distance of the axis from the paddle's chest-wall edge (mm).
+    pub axis_mm: f64,
+    /// Torque by tilt (N mm/rad).
+    pub linear_n_mm_per_rad: f64,
+    /// Torque by tilt squared (N mm/rad²).
+    pub quadratic_n_mm_per_rad2: f64,
+}
+
+impl Default for HingePlan {
+    /// An assumption, not a measurement: 100 N that act 50 mm from the axis tilt the paddle by 5
+    /// degrees, and half of the torque is linear.
+    fn default() -> Self {
+        Self { axis_mm: 60.0, linear_n_mm_per_rad: 28_600.0, quadratic_n_mm_per_rad2: 328_000.0 }
+    }
 }
 
 /// Law and its extras in compression, for breast, skin and fascia alike.
@@ -368,6 +390,8 @@ pub struct CompressPlan {
     /// Paddle.
     #[serde(default)]
     pub paddle: PaddleName,
+    /// Hinge of a flex paddle; an assumed one when absent.
+    pub hinge: Option<HingePlan>,
     /// Distance (mm) from the chest wall to the paddle's edge.
     pub chest_wall_distance_mm: f64,
     /// When the paddle stops.

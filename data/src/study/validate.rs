@@ -1,8 +1,8 @@
 //! Reads a study and refuses what cannot be meant.
 
 use super::{
-    CompressPlan, LawConstants, LawName, LayerPlan, MammogramPlan, ModelPlan, Pose, RegionPlan,
-    Stop, Study, Use, locate::Places, wording,
+    CompressPlan, LawConstants, LawName, LayerPlan, MammogramPlan, ModelPlan, PaddleName, Pose,
+    RegionPlan, Stop, Study, Use, locate::Places, wording,
 };
 
 /// Ligaments that the model knows.
@@ -177,6 +177,16 @@ fn compress(plan: &CompressPlan) -> Checked {
         Stop::ForceN(n) => within("compress.stop.force_n", n, 0.1, 500.0)?,
     }
     within("compress.friction", plan.friction, 0.0, 2.0)?;
+    if let Some(hinge) = plan.hinge {
+        if plan.paddle != PaddleName::Flex {
+            let why = "only a flex paddle has one; remove it, or write paddle = \"flex\"";
+            return refuse("compress.hinge", why);
+        }
+        within("compress.hinge.axis_mm", hinge.axis_mm, -100.0, 300.0)?;
+        let [linear, quadratic] = [hinge.linear_n_mm_per_rad, hinge.quadratic_n_mm_per_rad2];
+        within("compress.hinge.linear_n_mm_per_rad", linear, 1.0, 1e9)?;
+        within("compress.hinge.quadratic_n_mm_per_rad2", quadratic, 0.0, 1e10)?;
+    }
     poisson("compress.law.poisson", plan.law.poisson)?;
     law("compress.law", plan.law.name, plan.law.jm, &plan.law.constants)
 }

@@ -154,6 +154,11 @@ fn the_chest_wall_has_a_contact_for_each_region() {
         assert!(text.contains(says), "{text:?} does not say {says:?}");
     }
     refused("paddle = \"rigid\"", "friction = -0.1", &["compress.friction"]);
+    refused("paddle = \"rigid\"", "hinge = { axis_mm = 50.0 }", &["compress.hinge", "flex"]);
+    let soft = "paddle = \"flex\"\nhinge = { linear_n_mm_per_rad = 0.0 }";
+    refused("paddle = \"rigid\"", soft, &["compress.hinge.linear_n_mm_per_rad"]);
+    let flex = GOOD.replace("paddle = \"rigid\"", "paddle = \"flex\"");
+    assert!(parse(&flex).unwrap().compress.unwrap().hinge.is_none());
 }
 
 #[test]

@@ -46,13 +46,16 @@ pub struct Load {
     pub gravity: f64,
     /// Position of the receptor along the direction of compression (mm).
     pub receptor_mm: f64,
-    /// Distance of the plates (mm).
+    /// Distance of the plates (mm); at its hinge for a paddle that tilts.
     pub thickness_mm: f64,
+    /// Tilt of the paddle (rad), positive when the side of the nipple sinks.
+    pub tilt_rad: f64,
 }
 
 impl Load {
     /// All of gravity and no plate near.
-    pub const GRAVITY: Self = Self { gravity: 1.0, receptor_mm: -1e6, thickness_mm: 2e6 };
+    pub const GRAVITY: Self =
+        Self { gravity: 1.0, receptor_mm: -1e6, thickness_mm: 2e6, tilt_rad: 0.0 };
 
     /// Part of the way from one load to another.
     pub fn between(from: Self, to: Self, part: f64) -> Self {
@@ -61,6 +64,7 @@ impl Load {
             gravity: mix(from.gravity, to.gravity),
             receptor_mm: mix(from.receptor_mm, to.receptor_mm),
             thickness_mm: mix(from.thickness_mm, to.thickness_mm),
+            tilt_rad: mix(from.tilt_rad, to.tilt_rad),
         }
     }
 }

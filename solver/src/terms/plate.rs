@@ -4,7 +4,7 @@ use super::contact::{Contact, Touch};
 use super::{At, Block, ContactCheck, Load, NodeForce, Opening, Order, Slip, Term};
 use crate::materials::MaterialError;
 use crate::model::ModelError;
-use crate::paddles::RoundedPlate;
+use crate::paddles::{RoundedPlate, hinge::Tilted};
 use mammotwin_data::Vec3;
 
 /// Which of the two plates.
@@ -22,13 +22,15 @@ pub struct Plate {
     kind: PlateKind,
     shape: RoundedPlate,
     contact: Contact,
+    /// Distance (mm) of the axis that the plate tilts about from its edge.
+    axis_mm: f64,
 }
 
 impl Plate {
     /// A plate that touches `faces`, without friction; areas are taken with the nodes at `points`
     /// (mm).
     pub fn new(kind: PlateKind, shape: RoundedPlate, points: &[Vec3], faces: &[[u32; 3]]) -> Self {
-        Self { kind, shape, contact: Contact::new(points, faces, Opening::Free) }
+        Self { kind, shape, contact: Contact::new(points, faces, Opening::Free), axis_mm: 0.0 }
     }
 
     /// The same plate, which resists slip from where the nodes are at the first load.
@@ -38,6 +40,13 @@ impl Plate {
     pub fn slip(mut self, slip: Slip) -> Result<Self, ModelError> {
         self.contact.set_slip(self.kind.name(), slip)?;
         Ok(self)
+    }
+
+    /// The same plate, which tilts with [`Load::tilt_rad`] about a line at this distance (mm) from
+    /// its edge, when it is the paddle.
+    pub fn tilting(mut self, axis_mm: f64) -> Self {
+        self.axis_mm = axis_mm;
+        self
     }
 
     /// The same plate, which leaves some nodes alone.
@@ -55,8 +64,30 @@ impl Plate {
 
     fn touch(&self, element: usize, points: &[Vec3], load: &Load) -> Touch {
         let (point, level) = (&points[self.contact.nodes[element] as usize], self.level(load));
-        let (distance, normal, curvature) = self.shape.distance(point, level);
+        let (distance, normal, curvature) = match self.tilted(load) {
+            Some(Tilted { shape, level_mm, .. }) => shape.distance(point, level_mm),
+            None => self.shape.distance(point, level),
+        };
+        // Points of a plate that tilts move along its normal, to first order: slip knows not of it.
         Touch { distance, normal, curvature, place: point - level * self.shape.into }
+    }
+
+    fn tilted(&self, load: &Load) -> Option<Tilted> {
+        let tilts = self.kind == PlateKind::Paddle && load.tilt_rad != 0.0;
+        let tilted = || Tilted::new(&self.shape, self.level(load), self.axis_mm, load.tilt_rad);
+        tilts.then(tilted)
+    }
+
+    /// Torque (mN mm) of the body on the plate about its axis, positive when it turns the side of
+    /// the nipple down, and the sum of the sizes of its parts.
+    pub fn torque(&self, at: &At) -> (f64, f64) {
+        let axis = (self.axis_mm, at.load.tilt_rad);
+        let tilted = Tilted::new(&self.shape, self.level(&at.load), axis.0, axis.1);
+        let parts = self.node_forces(at).into_iter().map(|force| {
+            let turning = tilted.turning(&at.points[force.node as usize]);
+            -(force.normal + force.friction).dot(&turning)
+        });
+        parts.fold((0.0, 0.0), |(sum, size), part| (sum + part, size + part.abs()))
     }
 
     /// Force (mN) of the plate on each node that it touches.

@@ -211,7 +211,7 @@ fn plate() {
     for (kind, receptor_mm, thickness_mm) in
         [(PlateKind::Receptor, -1.0, 5.0), (PlateKind::Paddle, 0.0, 2.0)]
     {
-        let load = Load { gravity: 1.0, receptor_mm, thickness_mm };
+        let load = Load { gravity: 1.0, receptor_mm, thickness_mm, tilt_rad: 0.0 };
         for friction in [0.0, 0.3] {
             let term = Plate::new(kind, shape, &mesh.points, &faces);
             let term = term.slip(Slip::Coulomb(friction)).unwrap();
@@ -232,5 +232,40 @@ fn plate() {
             }
         }
         assert!(Plate::new(kind, shape, &mesh.points, &faces).slip(Slip::Coulomb(-1.0)).is_err());
+    }
+}
+
+#[test]
+fn a_plate_that_tilts() {
+    let mesh = pair();
+    let shape = RoundedPlate {
+        into: Vec3::new(0.0, 0.6, 0.8),
+        away: Vec3::new(0.0, -0.8, 0.6),
+        edge_mm: -6.0,
+        radius_mm: 7.0,
+    };
+    let plate = Plate::new(PlateKind::Paddle, shape, &mesh.points, &[[0, 1, 3], [1, 4, 3]]);
+    let plate = plate.tilting(9.0);
+    let (points, shear_kpa, pressure) = (&moved(&mesh)[..], &[0.2; 5][..], &[][..]);
+    for tilt_rad in [-0.2, 0.0, 0.3] {
+        let load = Load { gravity: 1.0, receptor_mm: 0.0, thickness_mm: 2.0, tilt_rad };
+        check_contact(&plate, &mesh.points, load);
+        // The torque is minus the derivative of the energy by the tilt.
+        let memory = &plate.first_memory(points, load)[..];
+        let at = |change: f64| {
+            let load = Load { tilt_rad: tilt_rad + change, ..load };
+            At { points, pressure, memory, shear_kpa, load, curvature: Curvature::Exact }
+        };
+        let energy = |change: f64| -> f64 {
+            let one = |element: usize| {
+                let mut block = super::Block::ZERO;
+                plate.block(element, &at(change), super::Order::Value, &mut block).unwrap();
+                block.energy
+            };
+            (0..plate.elements()).map(one).sum()
+        };
+        let (torque, size) = plate.torque(&at(0.0));
+        let want = -(energy(1e-5) - energy(-1e-5)) / 2e-5;
+        assert!((torque - want).abs() < 1e-5 * size && size > 0.0, "{torque} for {want}");
     }
 }
