@@ -12,6 +12,9 @@ use mammotwin_solver::{Options, SolveError, solve};
 use mammotwin_stages::model::{Moduli, region};
 use mammotwin_stages::volunteer::{PoseName, Preset, Torso, mechanics::TruthBody, model_plan};
 
+/// How far (mm) nodes of the chest wall went, with their regions.
+type Ways = Vec<(Option<InterfaceRegion>, f64)>;
+
 struct Volunteer {
     torso: Torso,
     body: TruthBody,
@@ -29,7 +32,7 @@ impl Volunteer {
         &self,
         interface: InterfacePlan,
         pose: PoseName,
-    ) -> Result<(Solution, Vec<(Option<InterfaceRegion>, f64)>), SolveError> {
+    ) -> Result<(Solution, Ways), SolveError> {
         let mut plan = model_plan(&self.torso.person);
         plan.interface = interface;
         let body = self.body.body(&plan);
@@ -55,10 +58,7 @@ impl Volunteer {
     }
 }
 
-fn mean(
-    slid: &[(Option<InterfaceRegion>, f64)],
-    of: impl Fn(Option<InterfaceRegion>) -> bool,
-) -> f64 {
+fn mean(slid: &Ways, of: impl Fn(Option<InterfaceRegion>) -> bool) -> f64 {
     let ways: Vec<f64> = slid.iter().filter(|(r, _)| of(*r)).map(|(_, way)| *way).collect();
     assert!(!ways.is_empty());
     ways.iter().sum::<f64>() / ways.len() as f64
