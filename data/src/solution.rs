@@ -52,4 +52,10 @@ pub struct Checks {
     pub max_gap_mm: f64,
     /// Norm of the sum of all forces, reactions included, over the largest of them (no unit).
     pub force_imbalance: f64,
+    /// Norm of the sum of all moments about the middle of the nodes, reactions included, over the
+    /// most of any term (the sum of the norms of its nodal moments; no unit).
+    pub moment_imbalance: f64,
+    /// How far friction lags behind the normal pressure: change of its forces by one more round,
+    /// over the normal forces (no unit).
+    pub friction_lag: f64,
 }

@@ -322,7 +322,7 @@ impl Assembly {
 impl State {
     /// A state with the nodes at `points` and nothing remembered yet.
     pub fn new(model: &Model, points: Vec<Vec3>, load: Load) -> Self {
-        let memory = model.terms().iter().map(|term| term.first_memory(&points)).collect();
+        let memory = model.terms().iter().map(|term| term.first_memory(&points, load)).collect();
         let mut shear_kpa = vec![0.0; points.len()];
         for term in model.terms() {
             term.raise_shear(&mut shear_kpa);

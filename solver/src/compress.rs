@@ -3,16 +3,16 @@
 use crate::assemble::State;
 use crate::model::{Model, ModelError};
 use crate::newton::Newton;
-use crate::paddles::RoundedPlate;
+use crate::paddles::{Hinge, RoundedPlate};
 use crate::solve::{self, Options, SolveError};
-use crate::terms::Load;
 use crate::terms::plate::{Plate, PlateKind};
-use crate::terms::sliding::node_areas;
+use crate::terms::{Load, Slip};
 use mammotwin_data::{
     Vec3,
     progress::{Progress, Silent},
     solution::{Checks, Solution},
 };
+use std::collections::BTreeMap;
 
 /// The two plates, and what they press on.
 #[derive(Debug, Clone)]
@@ -25,6 +25,10 @@ pub struct Plates {
     pub edge_mm: f64,
     /// Radius of the rounded edges (mm).
     pub radius_mm: f64,
+    /// Coulomb friction between skin and plates.
+    pub friction: f64,
+    /// What the paddle tilts about; it does not tilt when there is none.
+    pub hinge: Option<Hinge>,
     /// Skin that the plates may touch; nodes that the model fixes are not touched: no force of a
     /// plate would move them out of its way.
     pub faces: Vec<[u32; 3]>,
@@ -61,11 +65,13 @@ pub struct Step {
     pub thickness_mm: f64,
     /// Position of the receptor along the axis (mm).
     pub receptor_mm: f64,
+    /// Tilt of the paddle (rad), positive when the side of the nipple sinks.
+    pub tilt_rad: f64,
     /// Force of the paddle along the axis (mN), positive when pressing.
     pub paddle_force_mn: f64,
     /// Force of the receptor along the axis (mN), positive when pressing.
     pub receptor_force_mn: f64,
-    /// Area of the skin that the paddle touches (mm²).
+    /// Area of the paddle that the skin covers (mm²).
     pub contact_area_mm2: f64,
     /// Force of the paddle over its contact area (kPa).
     pub mean_pressure_kpa: f64,
@@ -99,7 +105,7 @@ impl Plates {
         (low, high - low)
     }
 
-    fn plate(&self, kind: PlateKind, model: &Model) -> Plate {
+    fn plate(&self, kind: PlateKind, model: &Model) -> Result<Plate, ModelError> {
         let into = match kind {
             PlateKind::Receptor => -self.axis,
             PlateKind::Paddle => self.axis,
@@ -111,7 +117,9 @@ impl Plates {
             radius_mm: self.radius_mm,
         };
         let fixed = |n: u32| model.fixed()[n as usize] == [true; 3];
-        Plate::new(kind, shape, &model.rest, &self.faces).without(fixed)
+        let plate = Plate::new(kind, shape, &model.rest, &self.faces).without(fixed);
+        let axis_mm = self.hinge.map_or(0.0, |hinge| hinge.axis_mm);
+        plate.tilting(axis_mm).slip(Slip::Coulomb(self.friction))
     }
 
     /// # Errors
@@ -142,6 +150,23 @@ impl Plates {
                 return refuse(what, value, "give a positive one");
             }
         }
+        for hinge in self.hinge.iter() {
+            if !(hinge.axis_mm.is_finite() && hinge.linear_mn_mm > 0.0) {
+                return refuse(
+                    "torque of the hinge (mN mm/rad)",
+                    hinge.linear_mn_mm,
+                    "give a positive one",
+                );
+            }
+            if !(hinge.quadratic_mn_mm >= 0.0) {
+                let value = hinge.quadratic_mn_mm;
+                return refuse(
+                    "torque of the hinge (mN mm/rad²)",
+                    value,
+                    "give one that is not negative",
+                );
+            }
+        }
         if !closing.receptor_mm.is_finite() || !(0.0..=1.0).contains(&closing.receptor_share) {
             let share = closing.receptor_share;
             return refuse("share of the receptor", share, "give a place, and a share from 0 to 1");
@@ -156,6 +181,13 @@ const THINNEST_MM: f64 = 5.0;
 const FORCE_TOLERANCE: f64 = 0.01;
 /// Most trials to meet a force.
 const FORCE_TRIALS: usize = 12;
+
+/// Torques are in balance within this part of what turns the paddle.
+const TORQUE_TOLERANCE: f64 = 1e-3;
+/// Largest tilt (rad), largest change of it in one trial, and most trials.
+const LARGEST_TILT: f64 = 0.7;
+const LARGEST_TURN: f64 = 0.05;
+const TILT_TRIALS: usize = 30;
 
 /// Closes the plates on the model, whose nodes begin at `start` (mm) in equilibrium or near it.
 ///
@@ -172,8 +204,8 @@ pub fn compress(
 ) -> Result<Compressed, SolveError> {
     let refuse = |error: ModelError| SolveError::Assembly(error.into());
     plates.check(closing).map_err(refuse)?;
-    let receptor = plates.plate(PlateKind::Receptor, &model);
-    let paddle = plates.plate(PlateKind::Paddle, &model);
+    let receptor = plates.plate(PlateKind::Receptor, &model).map_err(refuse)?;
+    let paddle = plates.plate(PlateKind::Paddle, &model).map_err(refuse)?;
     let indices = [model.terms().len(), model.terms().len() + 1];
     model.add(receptor.clone()).map_err(refuse)?;
     model.add(paddle.clone()).map_err(refuse)?;
@@ -182,6 +214,7 @@ pub fn compress(
         receptor_mm: closing.receptor_mm
             + closing.receptor_share * (closing.thickness_mm - thickness_mm),
         thickness_mm,
+        tilt_rad: 0.0,
     };
     let (newton, state) = solve::prepare(&model, start, at(closing.thickness_mm))?;
     let mut press = Press {
@@ -193,6 +226,7 @@ pub fn compress(
         newton,
         options,
         counts: Checks::default(),
+        softening: None,
     };
     let mut state = state;
     press.walk(&mut state, at(closing.thickness_mm))?;
@@ -246,6 +280,38 @@ fn fraction(closing: &Closing, step: &Step, goal: f64) -> f64 {
     done.clamp(0.0, 1.0)
 }
 
+/// Deformed skin (mm²) around a node.
+#[derive(Default)]
+struct Skin {
+    area: f64,
+    vector: Vec3,
+}
+
+/// Least part of the skin around a node that a plate is taken to touch.
+const LEAST_FACING: f64 = 0.25;
+
+impl Skin {
+    /// Area of a plate with this normal that the skin covers. Pressures are those on the plate: they
+    /// add up to its force whether or not the skin is folded under it.
+    fn facing(&self, normal: Vec3) -> f64 {
+        self.vector.dot(&normal).max(LEAST_FACING * self.area)
+    }
+}
+
+fn area_vectors(points: &[Vec3], faces: &[[u32; 3]]) -> BTreeMap<u32, Skin> {
+    let mut skins: BTreeMap<u32, Skin> = BTreeMap::new();
+    for face in faces {
+        let [a, b, c] = face.map(|n| points[n as usize]);
+        let third = (b - a).cross(&(c - a)) / 6.0;
+        for &n in face {
+            let skin = skins.entry(n).or_default();
+            skin.area += third.norm();
+            skin.vector += third;
+        }
+    }
+    skins
+}
+
 /// A model between plates.
 struct Press<'a> {
     model: Model,
@@ -257,12 +323,51 @@ struct Press<'a> {
     newton: Newton,
     options: &'a Options,
     counts: Checks,
+    /// How the torque that is out of balance changes with the tilt (mN mm/rad), as last seen.
+    softening: Option<f64>,
 }
 
 impl Press<'_> {
     fn walk(&mut self, state: &mut State, load: Load) -> Result<(), SolveError> {
+        match self.plates.hinge {
+            Some(hinge) => self.turn(&hinge, state, load),
+            None => self.walk_rigid(state, load),
+        }
+    }
+
+    fn walk_rigid(&mut self, state: &mut State, load: Load) -> Result<(), SolveError> {
         let counts = &mut self.counts;
         solve::walk(&mut self.newton, &self.model, state, load, self.options, counts, &Silent)
+    }
+
+    /// Walks to `load` with the tilt at which body and hinge are in balance: a secant within a
+    /// bracket, for the more the paddle tilts the less the body turns it.
+    fn turn(&mut self, hinge: &Hinge, state: &mut State, load: Load) -> Result<(), SolveError> {
+        let mut tilt = state.load.tilt_rad;
+        let (mut least, mut most) = (-LARGEST_TILT, LARGEST_TILT);
+        let mut last: Option<(f64, f64)> = None;
+        for _ in 0..TILT_TRIALS {
+            let mut trial = state.clone();
+            self.walk_rigid(&mut trial, Load { tilt_rad: tilt, ..load })?;
+            let (torque, size) = self.paddle.torque(&trial.at(self.indices[1]));
+            let off = torque - hinge.torque(tilt);
+            tracing::debug!(tilt, torque, off, "hinge");
+            if off.abs() <= TORQUE_TOLERANCE * size.max(hinge.torque(tilt).abs()) {
+                *state = trial;
+                return Ok(());
+            }
+            if let Some((tilt_before, off_before)) = last {
+                let slope = (off - off_before) / (tilt - tilt_before);
+                self.softening = (slope < 0.0).then_some(slope);
+            }
+            last = Some((tilt, off));
+            *(if off > 0.0 { &mut least } else { &mut most }) = tilt;
+            let slope = self.softening.unwrap_or(-hinge.stiffness(tilt));
+            let next = tilt + (-off / slope).clamp(-LARGEST_TURN, LARGEST_TURN);
+            let inside = next > least && next < most;
+            tilt = if inside { next } else { 0.5 * (least + most) };
+        }
+        Err(SolveError::Hinge { thickness_mm: load.thickness_mm })
     }
 
     /// The state between `thick` and `thin` at which the paddle's force is `force` (mN).
@@ -303,15 +408,16 @@ impl Press<'_> {
 
     fn record(&self, state: &State) -> Step {
         let axis = self.plates.axis;
-        let areas = node_areas(&state.points, &self.plates.faces);
+        let areas = area_vectors(&state.points, &self.plates.faces);
         let mut pressures = vec![0.0; state.points.len()];
         let mut sums = [0.0, 0.0];
         let mut contact_area = 0.0;
         for (which, plate) in [&self.receptor, &self.paddle].into_iter().enumerate() {
-            for (node, force) in plate.node_forces(&state.at(self.indices[which])) {
-                sums[which] += force.dot(&axis);
-                let area = areas.get(&node).copied().unwrap_or(f64::INFINITY);
-                pressures[node as usize] += force.norm() / area;
+            for force in plate.node_forces(&state.at(self.indices[which])) {
+                sums[which] += (force.normal + force.friction).dot(&axis);
+                let Some(normal) = force.normal.try_normalize(0.0) else { continue };
+                let area = areas.get(&force.node).map_or(f64::INFINITY, |a| a.facing(-normal));
+                pressures[force.node as usize] += force.normal.norm() / area;
                 if which == 1 {
                     contact_area += area;
                 }
@@ -321,6 +427,7 @@ impl Press<'_> {
         Step {
             thickness_mm: state.load.thickness_mm,
             receptor_mm: state.load.receptor_mm,
+            tilt_rad: state.load.tilt_rad,
             paddle_force_mn,
             receptor_force_mn,
             contact_area_mm2: contact_area,

@@ -3,7 +3,7 @@
 //! One load step is the normal case. When it fails, the load is applied in parts: a failed part
 //! is halved, and parts grow again after success. Each part ends with the multipliers of all
 //! contacts adjusted until gaps and penetrations are below tolerance, so that no result depends
-//! on a penalty.
+//! on a penalty, and friction settled with the normal pressure.
 
 use crate::assemble::{AssemblyError, EnergyError, State};
 use crate::materials::MaterialError;
@@ -12,7 +12,7 @@ use crate::newton::{Newton, NewtonError, NewtonOptions};
 use crate::terms::Load;
 use mammotwin_data::{
     Vec3,
-    progress::Progress,
+    progress::{Progress, Silent},
     solution::{Checks, Solution},
 };
 
@@ -23,13 +23,21 @@ pub struct Options {
     pub newton: NewtonOptions,
     /// Largest gap or penetration of a contact (mm).
     pub contact_mm: f64,
+    /// Change of all friction forces by one more round over the normal forces of their contact,
+    /// below which friction is settled.
+    pub friction: f64,
     /// Smallest part of the load that is tried.
     pub smallest_step: f64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { newton: NewtonOptions::default(), contact_mm: 0.05, smallest_step: 1.0 / 256.0 }
+        Self {
+            newton: NewtonOptions::default(),
+            contact_mm: 0.05,
+            friction: 1e-4,
+            smallest_step: 1.0 / 256.0,
+        }
     }
 }
 
@@ -46,6 +54,15 @@ pub enum SolveError {
         wanted: usize,
         /// Number of start positions.
         got: usize,
+    },
+    /// A paddle that turns without end.
+    #[error(
+        "the paddle finds no tilt at {thickness_mm:.1} mm at which hinge and breast are in balance; \
+         stiffen the hinge"
+    )]
+    Hinge {
+        /// Distance of the plates (mm).
+        thickness_mm: f64,
     },
     /// The load could not be carried.
     #[error(
@@ -87,6 +104,28 @@ pub fn solve(
     let mut counts = Checks::default();
     walk(&mut newton, model, &mut state, Load::GRAVITY, options, &mut counts, progress)?;
     finish(&newton, model, &state, counts)
+}
+
+/// Follows the equilibrium from load to load, beginning at the first one of `path` with the nodes
+/// near `start` (mm), and returns it at each: friction remembers the way.
+///
+/// # Errors
+/// As [`solve`].
+pub fn follow(
+    model: &Model,
+    start: &[Vec3],
+    path: &[Load],
+    options: &Options,
+) -> Result<Vec<Solution>, SolveError> {
+    let Some(first) = path.first() else { return Ok(Vec::new()) };
+    let (mut newton, mut state) = prepare(model, start, *first)?;
+    let mut counts = Checks::default();
+    let mut found = Vec::new();
+    for load in path {
+        walk(&mut newton, model, &mut state, *load, options, &mut counts, &Silent)?;
+        found.push(finish(&newton, model, &state, counts)?);
+    }
+    Ok(found)
 }
 
 /// Analyses a model, and puts its nodes at `start`, held ones at their places.
@@ -152,8 +191,9 @@ pub(crate) fn walk(
     }
 }
 
-/// Most rounds of multipliers at one load.
+/// Most rounds of multipliers at one load, and most more that friction may take.
 const ROUNDS: usize = 20;
+const FRICTION_ROUNDS: usize = 40;
 
 /// A round of multipliers that leaves more than this part of the gap wants stiffer penalties.
 const SHRINKING: f64 = 0.25;
@@ -171,17 +211,24 @@ fn balance(
     counts: &mut Checks,
 ) -> Result<(), Failure> {
     let (mut before, mut stiffened) = (f64::INFINITY, 0);
-    for _ in 0..ROUNDS {
+    let (mut rounds, mut tight) = (0, 0);
+    while rounds < ROUNDS && tight < FRICTION_ROUNDS {
         let found = newton.minimise(model, state, &options.newton);
         counts.iterations += *found.as_ref().unwrap_or(&options.newton.max_iterations);
         found.map_err(Failure::Newton)?;
         let contact = state.contact(model);
         tracing::debug!(?contact, load = ?state.load, "contact after a minimum");
         let open = contact.gap_mm.max(contact.penetration_mm);
-        if open <= options.contact_mm {
+        let is_tight = open <= options.contact_mm;
+        if is_tight && contact.friction_lag <= options.friction {
             return Ok(());
         }
         state.update_multipliers(model);
+        if is_tight {
+            tight += 1;
+            continue;
+        }
+        rounds += 1;
         // Tissue near its limit is stiffer than its modulus says: the penalties must follow.
         if open > SHRINKING * before && stiffened < STIFFENINGS {
             state.stiffen_contacts(STIFFENING);
@@ -189,13 +236,14 @@ fn balance(
         }
         before = open;
     }
-    Err(Failure::Contact)
+    Err(if tight < FRICTION_ROUNDS { Failure::Contact } else { Failure::Friction })
 }
 
 #[derive(Debug)]
 enum Failure {
     Newton(NewtonError),
     Contact,
+    Friction,
 }
 
 fn stopped(
@@ -215,7 +263,7 @@ fn stopped(
             (node, ran_into.and_then(refused))
         }
         Failure::Newton(NewtonError::Slow { node }) => (node, None),
-        Failure::Contact => (0, None),
+        Failure::Contact | Failure::Friction => (0, None),
     };
     let touches = |node: usize| {
         let find = |term: usize| {
@@ -230,6 +278,10 @@ fn stopped(
         (Failure::Contact, _) => (
             "a contact stays open or penetrated".to_owned(),
             "check that the contact surfaces reach as far as the body",
+        ),
+        (Failure::Friction, _) => (
+            "friction does not settle with the normal pressure".to_owned(),
+            "lower the friction coefficient, or hold the body better",
         ),
         (_, Some(cause @ MaterialError::Locked { .. })) => {
             (cause.to_string(), "raise Jm of the law, or load less")
@@ -263,11 +315,17 @@ pub(crate) fn finish(
     let mut solution = state.report(model);
     let mut scale: f64 = 0.0;
     let mut total = vec![Vec3::zeros(); model.rest.len()];
+    let middle = state.points.iter().sum::<Vec3>() / state.points.len().max(1) as f64;
+    let arms: Vec<Vec3> = state.points.iter().map(|p| p - middle).collect();
+    let (mut turned, mut most) = (Vec3::zeros(), f64::MIN_POSITIVE);
     for (term, gradient) in model.terms().iter().zip(&gradients) {
         let force = -gradient.iter().sum::<Vec3>();
         scale = scale.max(gradient.iter().map(|g| g.norm()).sum());
         total.iter_mut().zip(gradient).for_each(|(sum, g)| *sum += g);
         solution.forces.insert(term.name().to_owned(), force);
+        let moments = || arms.iter().zip(gradient).map(|(arm, g)| g.cross(arm));
+        turned += moments().sum::<Vec3>();
+        most = most.max(moments().map(|m| m.norm()).sum());
     }
     let mut unbalanced: f64 = 0.0;
     let mut reaction = Vec3::zeros();
@@ -279,6 +337,7 @@ pub(crate) fn finish(
         };
         unbalanced = unbalanced.max(part(true).norm());
         reaction += part(false);
+        turned += arms[node].cross(&part(false));
     }
     if reaction != Vec3::zeros() {
         solution.forces.insert("fixed".to_owned(), reaction);
@@ -296,6 +355,8 @@ pub(crate) fn finish(
         max_penetration_mm: contact.penetration_mm,
         max_gap_mm: contact.gap_mm,
         force_imbalance: sum.norm() / largest,
+        moment_imbalance: turned.norm() / most,
+        friction_lag: contact.friction_lag,
         ..counts
     };
     Ok(solution)

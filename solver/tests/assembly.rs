@@ -38,7 +38,7 @@ fn everything() -> Model {
     model.add(Cables::new("cables", vec![cable]).unwrap()).unwrap();
     let wall = Cylinder { point: Vec3::new(12.0, 8.0, -90.0), axis: Vec3::x(), radius_mm: 89.0 };
     let base = mesh.patch(Patch::ChestWall);
-    model.add(Sliding::new("wall", points, base, Arc::new(wall), 0.0).unwrap()).unwrap();
+    model.add(Sliding::new("wall", points, base, Arc::new(wall))).unwrap();
     let shape = RoundedPlate { into: Vec3::y(), away: Vec3::z(), edge_mm: 5.0, radius_mm: 4.0 };
     for kind in [PlateKind::Receptor, PlateKind::Paddle] {
         model.add(Plate::new(kind, shape, points, faces)).unwrap();
@@ -55,7 +55,7 @@ fn gradient_and_matrix_are_derivatives_of_the_energy() {
     let wave = |n: f64| Vec3::new((1.3 * n).sin(), (2.1 * n).cos(), (0.7 * n + 1.0).sin());
     let points: Vec<Vec3> =
         model.rest.iter().enumerate().map(|(n, p)| 1.02 * p + 0.3 * wave(n as f64)).collect();
-    let load = Load { gravity: 0.7, receptor_mm: 0.5, thickness_mm: 14.5 };
+    let load = Load { gravity: 0.7, receptor_mm: 0.5, thickness_mm: 14.5, tilt_rad: 0.0 };
     let mut state = State::new(&model, points.clone(), load);
     state.update_multipliers(&model);
     let contact = state.contact(&model);

@@ -12,10 +12,25 @@ use common::{Body, coarse, fine};
 use mammotwin_data::{Vec3, mesh::Patch, progress::Silent, study::LawName};
 use mammotwin_solver::compress::{Closing, Compressed, Plates, Step, Stop, compress};
 use mammotwin_solver::materials::Law;
+use mammotwin_solver::paddles::{Hinge, RoundedPlate};
 use mammotwin_solver::terms::Bulk;
 use mammotwin_solver::{Model, Options};
 
+/// Where the plates' edges are, from the base (mm).
+const EDGE_MM: f64 = 20.0;
+
 fn squeeze(body: &Body, law: Law, radius_mm: f64, goal_mm: f64) -> Compressed {
+    press(body, law, radius_mm, goal_mm, None, 0.0)
+}
+
+fn press(
+    body: &Body,
+    law: Law,
+    radius_mm: f64,
+    goal_mm: f64,
+    hinge: Option<Hinge>,
+    friction: f64,
+) -> Compressed {
     let mesh = &body.mesh;
     let mut model = Model::new(mesh);
     model.add(Bulk::new("breast", mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
@@ -25,8 +40,10 @@ fn squeeze(body: &Body, law: Law, radius_mm: f64, goal_mm: f64) -> Compressed {
     let plates = Plates {
         axis: Vec3::y(),
         away: Vec3::z(),
-        edge_mm: 20.0,
+        edge_mm: EDGE_MM,
         radius_mm,
+        friction,
+        hinge,
         faces: mesh.patch(Patch::Skin).to_vec(),
     };
     let closing = Closing {
@@ -41,14 +58,48 @@ fn squeeze(body: &Body, law: Law, radius_mm: f64, goal_mm: f64) -> Compressed {
         compress(model, &plates, &closing, &mesh.points, &Options::default(), &Silent).unwrap();
     for step in &done.steps {
         println!(
-            "{:6.1} mm {:.4} N {:.4} N",
+            "{:6.1} mm {:6.2}° {:.4} N {:.4} N",
             step.thickness_mm,
+            step.tilt_rad.to_degrees(),
             step.paddle_force_mn / 1e3,
             step.receptor_force_mn / 1e3
         );
     }
     println!("{:?}: {:?} {:?}", clock.elapsed(), done.stopped_early, done.solution.checks);
+    // Friction at the rounded edges presses, too; a tilted paddle has a test of its own.
+    for step in done.steps.iter().filter(|step| step.tilt_rad == 0.0 && friction == 0.0) {
+        integrates(&plates, step);
+    }
     done
+}
+
+/// The tractions on the skin, pressure times the plates' normal, sum up to what the plates press
+/// with.
+#[track_caller]
+fn integrates(plates: &Plates, step: &Step) {
+    let Plates { axis, away, edge_mm, radius_mm, .. } = *plates;
+    let middle = step.receptor_mm + 0.5 * step.thickness_mm;
+    let mut forces = [0.0, 0.0];
+    for face in &plates.faces {
+        let [a, b, c] = face.map(|n| step.points[n as usize]);
+        let third = (b - a).cross(&(c - a)) / 6.0;
+        for (n, p) in face.iter().zip([a, b, c]) {
+            let above = p.dot(&axis) > middle;
+            let (into, level) = if above {
+                (axis, step.receptor_mm + step.thickness_mm)
+            } else {
+                (-axis, -step.receptor_mm)
+            };
+            let normal = RoundedPlate { into, away, edge_mm, radius_mm }.distance(&p, level).1;
+            let force = step.contact_pressure_kpa[*n as usize] * -third.dot(&normal) * normal;
+            forces[usize::from(above)] -= force.dot(&into);
+        }
+    }
+    let [low, high] = forces;
+    for (sum, force) in [(low, step.receptor_force_mn), (high, step.paddle_force_mn)] {
+        println!("{:.1} mm: {sum:.2} for {force:.2} mN", step.thickness_mm);
+        assert!((sum - force).abs() <= 0.01 * force.abs() + 0.01, "{sum} for {force} mN");
+    }
 }
 
 /// Force (N) of both plates at a thickness that was recorded.
@@ -95,6 +146,85 @@ fn a_gent_breast_reaches_50_mm_with_any_edge() {
 fn a_gent_breast_near_its_limit_reaches_45_mm() {
     let law = Law::new(LawName::Gent, 0.5, 0.499, Some(1.0)).unwrap();
     check(&squeeze(&coarse(), law, 10.0, 45.0), 45.0);
+}
+
+/// Torque (mN mm) of the contact pressures on a tilted paddle about its axis, from the pressures,
+/// the deformed skin and the paddle's shape.
+fn torque_of_pressures(body: &Body, step: &Step, axis_mm: f64) -> f64 {
+    let (sin, cos) = step.tilt_rad.sin_cos();
+    let axis = Vec3::new(0.0, step.receptor_mm + step.thickness_mm, EDGE_MM + axis_mm);
+    let (into, away) = (Vec3::new(0.0, cos, sin), Vec3::new(0.0, -sin, cos));
+    let edge_mm = away.dot(&axis) - axis_mm;
+    let paddle = RoundedPlate { into, away, edge_mm, radius_mm: 10.0 };
+    let mut torque = 0.0;
+    for face in body.mesh.patch(Patch::Skin) {
+        let [a, b, c] = face.map(|n| step.points[n as usize]);
+        let third = (b - a).cross(&(c - a)) / 6.0;
+        for (n, p) in face.iter().zip([a, b, c]) {
+            if p.y > step.receptor_mm + 0.5 * step.thickness_mm {
+                let normal = paddle.distance(&p, into.dot(&axis)).1;
+                let push = step.contact_pressure_kpa[*n as usize] * third.dot(&normal) * normal;
+                torque += (p - axis).cross(&push).x;
+            }
+        }
+    }
+    torque
+}
+
+#[test]
+#[ignore = "minutes: skin that sticks to the plates"]
+fn skin_that_rubs_on_the_plates_spreads_less() {
+    let law = Law::new(LawName::Gent, 0.5, 0.49, Some(2.0)).unwrap();
+    let body = coarse();
+    let done = [0.0, 0.1, 0.3].map(|friction| press(&body, law, 10.0, 50.0, None, friction));
+    // How far (mm) skin under the plates went along them.
+    let spread = |done: &Compressed| {
+        let step = done.steps.last().unwrap();
+        let touched = |n: &usize| step.contact_pressure_kpa[*n] > 0.0;
+        let way = |n: usize| {
+            let way = step.points[n] - body.mesh.points[n];
+            way.x.hypot(way.z)
+        };
+        let ways: Vec<f64> = (0..step.points.len()).filter(touched).map(way).collect();
+        ways.iter().sum::<f64>() / ways.len() as f64
+    };
+    let spread_mm = done.each_ref().map(spread);
+    println!("skin spreads by {spread_mm:.2?} mm");
+    for done in &done {
+        assert!(done.stopped_early.is_none(), "{:?}", done.stopped_early);
+        let checks = &done.solution.checks;
+        assert!(checks.residual < 1e-6 && checks.force_imbalance < 1e-6, "{checks:?}");
+        assert!(checks.friction_lag <= 1e-4, "{checks:?}");
+    }
+    assert!(spread_mm[0] > spread_mm[1] && spread_mm[1] > spread_mm[2]);
+}
+
+#[test]
+fn a_paddle_on_a_hinge_tilts_until_torques_balance() {
+    let body = coarse();
+    let law = Law::neo_hookean_coupled(0.5, 0.49).unwrap();
+    let hinge = |linear_mn_mm: f64, axis_mm: f64| Hinge {
+        axis_mm,
+        linear_mn_mm,
+        quadratic_mn_mm: 5.0 * linear_mn_mm,
+    };
+    let rigid = squeeze(&body, law, 10.0, 92.0);
+    let hard = press(&body, law, 10.0, 92.0, Some(hinge(1e12, 30.0)), 0.0);
+    let [a, b] = [&rigid, &hard].map(|d| d.steps.last().unwrap().paddle_force_mn);
+    assert!((a / b - 1.0).abs() < 1e-3, "a stiff hinge is none: {a} {b}");
+    // The axis behind the breast: all of it lifts the side of the nipple. Beyond it: the reverse.
+    for (axis_mm, sign) in [(0.0, -1.0), (30.0, 0.0), (120.0, 1.0)] {
+        let hinge = hinge(2e5, axis_mm);
+        let soft = press(&body, law, 10.0, 92.0, Some(hinge), 0.0);
+        assert!(soft.stopped_early.is_none(), "{:?}", soft.stopped_early);
+        let step = soft.steps.last().unwrap();
+        let (torque, tilt) = (hinge.torque(step.tilt_rad), step.tilt_rad);
+        let pressures = torque_of_pressures(&body, step, axis_mm);
+        println!("{axis_mm}: {:.2}°, {torque:.0} of {pressures:.0} mN mm", tilt.to_degrees());
+        assert!((pressures / torque - 1.0).abs() < 0.02, "{torque} of {pressures} mN mm");
+        assert!(sign == 0.0 || sign * tilt > 0.001, "tilts by {tilt}");
+        assert!(soft.solution.checks.force_imbalance < 1e-6);
+    }
 }
 
 #[test]

@@ -7,7 +7,7 @@ mod common;
 use common::{Body, coarse};
 use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, study::LawName};
 use mammotwin_solver::materials::Law;
-use mammotwin_solver::terms::{Bulk, Gravity, Membrane, Sliding, target::Cylinder};
+use mammotwin_solver::terms::{Bulk, Gravity, Membrane, Sliding, Slip, target::Cylinder};
 use mammotwin_solver::unload::{self, Method, StressFree, stress_free};
 use mammotwin_solver::{Model, ModelError, solve};
 use std::sync::Arc;
@@ -19,6 +19,7 @@ struct Case {
     /// Gravity, in units of the standard one; the chest wall faces along z.
     gravity: Vec3,
     slides: bool,
+    friction: f64,
     skin: bool,
 }
 
@@ -41,7 +42,8 @@ impl Case {
         if self.slides {
             let wall = Cylinder { point: Vec3::z() * WALL_Z_MM, axis: Vec3::y(), radius_mm: 150.0 };
             let faces = mesh.patch(Patch::ChestWall);
-            model.add(Sliding::new("wall", &body.mesh.points, faces, Arc::new(wall), 0.0)?)?;
+            let wall = Sliding::new("wall", &body.mesh.points, faces, Arc::new(wall));
+            model.add(wall.slip(Slip::Coulomb(self.friction), rest)?)?;
         }
         let held = if self.slides { body.rim.clone() } else { mesh.patch_nodes(Patch::ChestWall) };
         for node in held {
@@ -95,7 +97,7 @@ const PRONE: Vec3 = Vec3::new(0.0, 0.0, 1.0);
 const SUPINE: Vec3 = Vec3::new(0.0, 0.0, -1.0);
 
 fn bonded(young_kpa: f64, gravity: Vec3) -> Case {
-    Case { young_kpa, gravity, slides: false, skin: false }
+    Case { young_kpa, gravity, slides: false, friction: 0.0, skin: false }
 }
 
 #[test]
@@ -121,6 +123,17 @@ fn sliding_on_the_chest_wall() {
     check(Case { slides: true, ..bonded(0.5, SUPINE) });
     check(Case { slides: true, skin: true, ..bonded(0.3, SUPINE) });
     check(Case { slides: true, skin: true, ..bonded(0.5, Vec3::new(0.4, 0.0, -0.6)) });
+}
+
+/// Slip counts from the rest shape that is sought, in one load step.
+#[test]
+fn sliding_against_friction() {
+    let slides = Case { slides: true, friction: 0.1, ..bonded(0.5, SUPINE) };
+    check(slides);
+    check(Case { skin: true, gravity: Vec3::new(0.4, 0.0, -0.6), ..slides });
+    // Where many nodes are between sticking and slipping, others find the round trip as well.
+    let (_, found) = round_trip(Case { friction: 0.3, ..slides });
+    assert!(found.miss.rms_mm < 0.05, "{:?}", found.miss);
 }
 
 /// Fascia goes slack, and the search ends near the true rest shape. The round trip is what is asked

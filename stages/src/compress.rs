@@ -14,11 +14,13 @@ use mammotwin_data::{
     rigid::RigidTransform,
     solution::Solution,
     store::{Artifact, Stage},
-    study::{CompressPlan, InterfaceKind, ModelPlan, Stop},
+    study::{CompressPlan, HingePlan, ModelPlan, PaddleName, Stop},
     surface::TriMesh,
     units::NEWTON,
 };
-use mammotwin_solver::{Options, SolveError, compress as press, mesh::crop::crop, solve};
+use mammotwin_solver::{
+    Options, SolveError, compress as press, mesh::crop::crop, paddles::Hinge, solve,
+};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -36,6 +38,8 @@ pub struct Compress {
 pub struct Course {
     /// Distance of the plates (mm).
     pub thickness_mm: Vec<f64>,
+    /// Tilt of the paddle (degrees), positive when the side of the nipple sinks.
+    pub tilt_deg: Vec<f64>,
     /// Force of the paddle (N).
     pub force_n: Vec<f64>,
     /// Force of the receptor (N).
@@ -117,9 +121,9 @@ impl Compression {
 
 impl Stage for Compress {
     const NAME: &'static str = "compress";
-    const VERSION: u32 = 3;
-    const METHODS: &'static str = "The breast was compressed between two frictionless rigid plates, their rounded edges \
-         along the chest wall under it, from its stress-free shape and without gravity (the thesis \
+    const VERSION: u32 = 4;
+    const METHODS: &'static str = "The breast was compressed between two flat plates, frictionless and fixed in their direction \
+         unless stated otherwise, their rounded edges along the chest wall under it, from its stress-free shape and without gravity (the thesis \
          neglects its prestress, too).";
     type Input = (BreastMesh, Calibration);
     type Output = Compression;
@@ -149,15 +153,14 @@ impl Stage for Compress {
         let options = Options::default();
         // Without gravity a bonded breast rests in its stress-free shape; one that slides is
         // first brought onto the chest wall.
-        let settled = match self.model.interface.kind {
-            InterfaceKind::Bonded => rest.clone(),
-            InterfaceKind::NoSeparation => {
-                progress.report(0.0, "without gravity");
-                let free = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
-                solve(&free, &rest, &options, &Silent)
-                    .map_err(|cause| Failure::Numerics(format!("compress, settling: {cause}")))?
-                    .points
-            }
+        let settled = if self.model.interface.is_bonded() {
+            rest.clone()
+        } else {
+            progress.report(0.0, "without gravity");
+            let free = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
+            solve(&free, &rest, &options, &Silent)
+                .map_err(|cause| Failure::Numerics(format!("compress, settling: {cause}")))?
+                .points
         };
 
         // The cut at the sternum stays where it settled.
@@ -173,6 +176,8 @@ impl Stage for Compress {
             away: base.normal,
             edge_mm: base.normal.dot(&base.center) + self.plan.chest_wall_distance_mm,
             radius_mm: EDGE_RADIUS_MM,
+            friction: self.plan.friction,
+            hinge: self.hinge(),
             faces: skin.filter(|face| face.iter().all(near)).copied().collect(),
         };
         let nipple_node = nearest(&part.mesh.points, &base.nipple);
@@ -193,6 +198,17 @@ const EDGE_RADIUS_MM: f64 = 6.0;
 const STEP_MM: f64 = 5.0;
 
 impl Compress {
+    fn hinge(&self) -> Option<Hinge> {
+        let HingePlan { axis_mm, linear_n_mm_per_rad, quadratic_n_mm_per_rad2 } =
+            match self.plan.paddle {
+                PaddleName::Rigid => return None,
+                PaddleName::Flex => self.plan.hinge.unwrap_or_default(),
+            };
+        let linear_mn_mm = linear_n_mm_per_rad * NEWTON;
+        let quadratic_mn_mm = quadratic_n_mm_per_rad2 * NEWTON;
+        Some(Hinge { axis_mm, linear_mn_mm, quadratic_mn_mm })
+    }
+
     /// Both plates come alike to the height of the nipple: the receptor is raised to the breast.
     fn closing(
         &self,
@@ -256,6 +272,7 @@ fn result(
     let of = |f: fn(&press::Step) -> f64| done.steps.iter().map(f).collect::<Vec<f64>>();
     let curve = Course {
         thickness_mm: of(|s| s.thickness_mm),
+        tilt_deg: of(|s| s.tilt_rad.to_degrees()),
         force_n: of(|s| s.paddle_force_mn / NEWTON),
         receptor_force_n: of(|s| s.receptor_force_mn / NEWTON),
         contact_area_mm2: of(|s| s.contact_area_mm2),
@@ -334,6 +351,8 @@ mod tests {
             away: Vec3::y(),
             edge_mm,
             radius_mm: EDGE_RADIUS_MM,
+            friction: 0.0,
+            hinge: None,
             faces: vec![[0, 1, 2]],
         };
         let points = [[0.0, 40.0, -10.0], [0.0, 40.0, 20.0], [0.0, 50.0, 5.0]].map(Vec3::from);

@@ -17,10 +17,16 @@ struct Tissues {
     skin_kpa: f64,
     fascia_kpa: f64,
     kind: InterfaceKind,
+    friction: f64,
 }
 
-const SOFT: Tissues =
-    Tissues { breast_kpa: 0.2, skin_kpa: 4.0, fascia_kpa: 120.0, kind: InterfaceKind::Bonded };
+const SOFT: Tissues = Tissues {
+    breast_kpa: 0.2,
+    skin_kpa: 4.0,
+    fascia_kpa: 120.0,
+    kind: InterfaceKind::Bonded,
+    friction: 0.0,
+};
 
 struct Volunteer {
     body: TruthBody,
@@ -43,7 +49,7 @@ fn unloaded(
     let mut plan = volunteer.plan.clone();
     plan.skin = LayerPlan { young_kpa: tissues.skin_kpa, ..plan.skin };
     plan.fascia = LayerPlan { young_kpa: tissues.fascia_kpa, ..plan.fascia };
-    plan.interface = InterfacePlan { kind: tissues.kind, friction: 0.0 };
+    plan.interface = InterfacePlan::uniform(tissues.kind, Some(tissues.friction));
     let moduli = Moduli { right_kpa: tissues.breast_kpa, left_kpa: tissues.breast_kpa };
     let body = volunteer.body.body(&plan);
     let build = |rest: &[_]| body.model(rest, moduli, PoseName::Supine.gravity(), None);
@@ -90,7 +96,7 @@ fn a_supine_body_returns_to_its_shape_in_the_whole_box_of_moduli() {
     for kind in KINDS {
         for breast_kpa in [0.2, 0.3, 0.5, 4.0] {
             for (skin_kpa, fascia_kpa) in [(4.0, 120.0), (2.0, 50.0), (20.0, 250.0)] {
-                let tissues = Tissues { breast_kpa, skin_kpa, fascia_kpa, kind };
+                let tissues = Tissues { breast_kpa, skin_kpa, fascia_kpa, kind, friction: 0.0 };
                 let found = unloaded(&volunteer, tissues, Method::Inverse);
                 off += usize::from(!found.is_ok_and(|found| found.miss.rms_mm < 0.05));
             }
@@ -109,4 +115,30 @@ fn the_fixed_point_on_the_same_bodies() {
             let _ = unloaded(&volunteer, Tissues { breast_kpa, kind, ..SOFT }, Method::FixedPoint);
         }
     }
+}
+
+#[test]
+fn a_supine_body_that_slides_against_friction_returns_to_its_shape() {
+    let tissues =
+        Tissues { breast_kpa: 0.3, kind: InterfaceKind::NoSeparation, friction: 0.1, ..SOFT };
+    let found = unloaded(&volunteer("tiny"), tissues, Method::Inverse).unwrap();
+    assert!(found.miss.rms_mm < 0.05, "{:?}", found.miss);
+    assert!(found.loaded.checks.friction_lag <= 1e-4, "{:?}", found.loaded.checks);
+}
+
+#[test]
+#[ignore = "minutes: friction on the chest wall"]
+fn bodies_that_slide_against_friction() {
+    let preset = std::env::var("PRESET").unwrap_or_else(|_| "tiny".into());
+    let volunteer = volunteer(&preset);
+    let mut off = 0;
+    for breast_kpa in [0.2, 0.3, 0.5] {
+        for friction in [0.0, 0.1, 0.3] {
+            let kind = InterfaceKind::NoSeparation;
+            let tissues = Tissues { breast_kpa, kind, friction, ..SOFT };
+            let found = unloaded(&volunteer, tissues, Method::Inverse);
+            off += usize::from(!found.is_ok_and(|found| found.miss.rms_mm < 0.05));
+        }
+    }
+    assert_eq!(off, 0, "round trips over 0.05 mm");
 }

@@ -3,11 +3,13 @@
 //! Unknown keys are refused by serde; `validate` refuses implausible values. Paths are relative
 //! to the folder of the study file.
 
+mod interface;
 mod law;
 mod locate;
 mod validate;
 mod wording;
 
+pub use interface::{InterfaceKind, InterfacePlan, InterfaceRegion, RegionPlan};
 pub use law::{BadConstant, LawConstants, LawName, OgdenTerms};
 pub use validate::{CALIBRATED, EFFECTS, LIGAMENTS, StudyError, parse};
 
@@ -271,33 +273,6 @@ impl Default for LigamentPlan {
     }
 }
 
-/// What happens between breast and muscle.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum InterfaceKind {
-    /// Slides, but never lifts off.
-    #[default]
-    NoSeparation,
-    /// Glued.
-    Bonded,
-}
-
-/// What happens between breast and muscle.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct InterfacePlan {
-    /// Contact law.
-    pub kind: InterfaceKind,
-    /// Coulomb friction coefficient.
-    pub friction: f64,
-}
-
-impl Default for InterfacePlan {
-    fn default() -> Self {
-        Self { kind: InterfaceKind::NoSeparation, friction: 0.1 }
-    }
-}
-
 /// Element size.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -359,6 +334,28 @@ pub enum PaddleName {
     /// Flat, does not bend or tilt.
     #[default]
     Rigid,
+    /// Flat, tilts about an axis along the chest-wall edge.
+    Flex,
+}
+
+/// The hinge of a flex paddle: its torque is a polynomial of second degree in the tilt.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct HingePlan {
+    /// Distance of the axis from the paddle's chest-wall edge (mm).
+    pub axis_mm: f64,
+    /// Torque by tilt (N mm/rad).
+    pub linear_n_mm_per_rad: f64,
+    /// Torque by tilt squared (N mm/rad²).
+    pub quadratic_n_mm_per_rad2: f64,
+}
+
+impl Default for HingePlan {
+    /// An assumption, not a measurement: 100 N that act 50 mm from the axis tilt the paddle by 5
+    /// degrees, and half of the torque is linear.
+    fn default() -> Self {
+        Self { axis_mm: 60.0, linear_n_mm_per_rad: 28_600.0, quadratic_n_mm_per_rad2: 328_000.0 }
+    }
 }
 
 /// Law and its extras in compression, for breast, skin and fascia alike.
@@ -393,12 +390,17 @@ pub struct CompressPlan {
     /// Paddle.
     #[serde(default)]
     pub paddle: PaddleName,
+    /// Hinge of a flex paddle; an assumed one when absent.
+    pub hinge: Option<HingePlan>,
     /// Distance (mm) from the chest wall to the paddle's edge.
     pub chest_wall_distance_mm: f64,
     /// When the paddle stops.
     pub stop: Stop,
     /// Law in compression.
     pub law: CompressLaw,
+    /// Coulomb friction between skin and plates.
+    #[serde(default)]
+    pub friction: f64,
 }
 
 /// How the exposure is set.

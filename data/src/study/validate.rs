@@ -1,8 +1,8 @@
 //! Reads a study and refuses what cannot be meant.
 
 use super::{
-    CompressPlan, LawConstants, LawName, LayerPlan, MammogramPlan, ModelPlan, Pose, Stop, Study,
-    Use, locate::Places, wording,
+    CompressPlan, LawConstants, LawName, LayerPlan, MammogramPlan, ModelPlan, PaddleName, Pose,
+    RegionPlan, Stop, Study, Use, locate::Places, wording,
 };
 
 /// Ligaments that the model knows.
@@ -157,7 +157,10 @@ fn model(model: &ModelPlan) -> Checked {
     }
     modulus("model.ligaments.young_kpa", model.ligaments.young_kpa)?;
     known("model.ligaments.names", &model.ligaments.names, &LIGAMENTS)?;
-    within("model.interface.friction", model.interface.friction, 0.0, 2.0)?;
+    contact("model.interface", &model.interface.of(None))?;
+    for (region, plan) in &model.interface.regions {
+        contact(&format!("model.interface.regions.{}", region.name()), plan)?;
+    }
     within("model.density_g_per_cm3", model.density_g_per_cm3, 0.1, 5.0)?;
     for (name, amplitude) in &model.effects {
         let path = format!("model.effects.{name}");
@@ -165,6 +168,17 @@ fn model(model: &ModelPlan) -> Checked {
             return refuse(&path, format!("not known; there are: {}", EFFECTS.join(", ")));
         }
         within(&path, *amplitude, -100.0, 100.0)?;
+    }
+    Ok(())
+}
+
+fn contact(path: &str, plan: &RegionPlan) -> Checked {
+    let (path, friction) = (format!("{path}.friction"), plan.friction.unwrap_or(0.0));
+    within(&path, friction, 0.0, 2.0)?;
+    if friction > 0.0 && !plan.kind.has_friction() {
+        let kind = plan.kind.name();
+        let why = format!("a {kind} contact has none; set it to 0, or name another kind");
+        return refuse(path, why);
     }
     Ok(())
 }
@@ -180,6 +194,17 @@ fn compress(plan: &CompressPlan) -> Checked {
     match plan.stop {
         Stop::ThicknessMm(mm) => within("compress.stop.thickness_mm", mm, 5.0, 200.0)?,
         Stop::ForceN(n) => within("compress.stop.force_n", n, 0.1, 500.0)?,
+    }
+    within("compress.friction", plan.friction, 0.0, 2.0)?;
+    if let Some(hinge) = plan.hinge {
+        if plan.paddle != PaddleName::Flex {
+            let why = "only a flex paddle has one; remove it, or write paddle = \"flex\"";
+            return refuse("compress.hinge", why);
+        }
+        within("compress.hinge.axis_mm", hinge.axis_mm, -100.0, 300.0)?;
+        let [linear, quadratic] = [hinge.linear_n_mm_per_rad, hinge.quadratic_n_mm_per_rad2];
+        within("compress.hinge.linear_n_mm_per_rad", linear, 1.0, 1e9)?;
+        within("compress.hinge.quadratic_n_mm_per_rad2", quadratic, 0.0, 1e10)?;
     }
     poisson("compress.law.poisson", plan.law.poisson)?;
     law("compress.law", plan.law.name, plan.law.jm, &plan.law.constants)

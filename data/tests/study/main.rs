@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test may fail at once
 
-use mammotwin_data::study::{Study, parse};
+use mammotwin_data::study::{InterfaceKind, InterfaceRegion, Study, parse};
 use proptest::{
     prelude::Rng,
     test_runner::{RngAlgorithm, TestRng},
@@ -119,6 +119,47 @@ fn unknown_words_are_named() {
         &["line 19", "model.reference_pose", "\"standing\"", "prone, supine, tilted"],
     );
     refused("schema = 1", "schema = 2", &["line 1", "schema", "reads 1"]);
+}
+
+#[test]
+fn the_chest_wall_has_a_contact_for_each_region() {
+    let with = |interface: &str| {
+        let from = "interface = { kind = \"no_separation\", friction = 0.1 }";
+        assert!(GOOD.contains(from));
+        parse(&GOOD.replacen(from, interface, 1))
+    };
+    let mixed = "interface = { kind = \"frictional\", friction = 0.3, regions = { \
+                 inframammary = { kind = \"bonded\" }, base = { kind = \"no_separation\" } } }";
+    let plan = with(mixed).unwrap().model.interface;
+    let of = |region| (plan.of(region).kind, plan.of(region).coefficient());
+    assert_eq!(of(None), (InterfaceKind::Frictional, 0.3));
+    assert_eq!(of(Some(InterfaceRegion::Lateral)), (InterfaceKind::Frictional, 0.3));
+    assert_eq!(of(Some(InterfaceRegion::Base)), (InterfaceKind::NoSeparation, 0.1));
+    assert_eq!(of(Some(InterfaceRegion::Inframammary)), (InterfaceKind::Bonded, 0.0));
+    assert!(!plan.is_bonded());
+    assert!(with("interface = { kind = \"bonded\" }").unwrap().model.interface.is_bonded());
+    for kind in ["rough", "frictionless", "bonded", "frictional", "no_separation"] {
+        assert!(with(&format!("interface = {{ kind = \"{kind}\", friction = 0.0 }}")).is_ok());
+    }
+    for (interface, says) in [
+        ("{ kind = \"rough\", friction = 0.2 }", "model.interface.friction: a rough contact"),
+        ("{ kind = \"glued\" }", "model.interface.kind"),
+        ("{ regions = { axilla = { kind = \"bonded\" } } }", "model.interface.regions"),
+        ("{ regions = { base = { friction = 0.2 } } }", "kind"),
+        (
+            "{ regions = { base = { kind = \"bonded\", friction = 0.2 } } }",
+            "model.interface.regions.base.friction",
+        ),
+    ] {
+        let text = with(&format!("interface = {interface}")).expect_err(interface).to_string();
+        assert!(text.contains(says), "{text:?} does not say {says:?}");
+    }
+    refused("paddle = \"rigid\"", "friction = -0.1", &["compress.friction"]);
+    refused("paddle = \"rigid\"", "hinge = { axis_mm = 50.0 }", &["compress.hinge", "flex"]);
+    let soft = "paddle = \"flex\"\nhinge = { linear_n_mm_per_rad = 0.0 }";
+    refused("paddle = \"rigid\"", soft, &["compress.hinge.linear_n_mm_per_rad"]);
+    let flex = GOOD.replace("paddle = \"rigid\"", "paddle = \"flex\"");
+    assert!(parse(&flex).unwrap().compress.unwrap().hinge.is_none());
 }
 
 #[test]

@@ -6,6 +6,8 @@
 
 pub mod bulk;
 pub mod cable;
+pub mod contact;
+pub mod friction;
 pub mod gravity;
 pub mod grid_distance;
 pub mod membrane;
@@ -23,6 +25,8 @@ mod tests;
 
 pub use bulk::Bulk;
 pub use cable::{Cable, Cables};
+pub use contact::{NodeForce, Opening};
+pub use friction::Slip;
 pub use gravity::Gravity;
 pub use grid_distance::GridDistance;
 pub use membrane::Membrane;
@@ -42,13 +46,16 @@ pub struct Load {
     pub gravity: f64,
     /// Position of the receptor along the direction of compression (mm).
     pub receptor_mm: f64,
-    /// Distance of the plates (mm).
+    /// Distance of the plates (mm); at its hinge for a paddle that tilts.
     pub thickness_mm: f64,
+    /// Tilt of the paddle (rad), positive when the side of the nipple sinks.
+    pub tilt_rad: f64,
 }
 
 impl Load {
     /// All of gravity and no plate near.
-    pub const GRAVITY: Self = Self { gravity: 1.0, receptor_mm: -1e6, thickness_mm: 2e6 };
+    pub const GRAVITY: Self =
+        Self { gravity: 1.0, receptor_mm: -1e6, thickness_mm: 2e6, tilt_rad: 0.0 };
 
     /// Part of the way from one load to another.
     pub fn between(from: Self, to: Self, part: f64) -> Self {
@@ -57,6 +64,7 @@ impl Load {
             gravity: mix(from.gravity, to.gravity),
             receptor_mm: mix(from.receptor_mm, to.receptor_mm),
             thickness_mm: mix(from.thickness_mm, to.thickness_mm),
+            tilt_rad: mix(from.tilt_rad, to.tilt_rad),
         }
     }
 }
@@ -200,6 +208,9 @@ pub struct ContactCheck {
     pub penetration_mm: f64,
     /// Largest opening of a contact that must not open (mm, positive).
     pub gap_mm: f64,
+    /// How far friction lags behind the normal pressure: change of its forces by one more round,
+    /// over the normal forces (sums of norms).
+    pub friction_lag: f64,
 }
 
 impl ContactCheck {
@@ -208,6 +219,7 @@ impl ContactCheck {
         Self {
             penetration_mm: self.penetration_mm.max(other.penetration_mm),
             gap_mm: self.gap_mm.max(other.gap_mm),
+            friction_lag: self.friction_lag.max(other.friction_lag),
         }
     }
 }
@@ -254,7 +266,7 @@ pub trait Term: Send + Sync {
     }
 
     /// What the term remembers before anything has happened, with the nodes at `points`.
-    fn first_memory(&self, _points: &[Vec3]) -> Vec<f64> {
+    fn first_memory(&self, _points: &[Vec3], _load: Load) -> Vec<f64> {
         Vec::new()
     }
 
@@ -263,7 +275,8 @@ pub trait Term: Send + Sync {
         None
     }
 
-    /// Updates the multipliers of a contact after a minimum has been found.
+    /// Updates the multipliers of a contact, and what friction knows of them, after a minimum has
+    /// been found.
     fn update_multipliers(
         &self,
         _points: &[Vec3],
@@ -276,6 +289,11 @@ pub trait Term: Send + Sync {
     /// The surface that the nodes of all elements glide on and never leave, if there is one.
     fn surface(&self) -> Option<&dyn Target> {
         None
+    }
+
+    /// Whether this is a contact that opens where it would have to pull.
+    fn may_open(&self) -> bool {
+        false
     }
 
     /// Makes a surface's reactions balance what of `gradient` (mN, by node; the sum of the other

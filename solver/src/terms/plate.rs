@@ -1,15 +1,11 @@
-//! Frictionless one-sided contact of the skin with a rigid plate.
-//!
-//! Every node stands for its share of the skin's rest area A. With the distance d from the plate
-//! and the multiplier λ >= 0 (kPa), the energy is A/(2k) (max(0, λ - k d)² - λ²): the augmented
-//! Lagrangian of d >= 0 (Wriggers, *Computational contact mechanics* (2006), § 6.3). The penalty k
-//! only sets the speed; multipliers are updated until the penetration is below tolerance.
+//! One-sided contact of the skin with a rigid plate, with or without friction.
 
-use super::sliding::{node_areas, penalty_kpa_per_mm};
-use super::{At, Block, ContactCheck, Curvature, Load, Order, Term};
+use super::contact::{Contact, Touch};
+use super::{At, Block, ContactCheck, Load, NodeForce, Opening, Order, Slip, Term};
 use crate::materials::MaterialError;
-use crate::paddles::RoundedPlate;
-use mammotwin_data::{Mat3, Vec3};
+use crate::model::ModelError;
+use crate::paddles::{RoundedPlate, hinge::Tilted};
+use mammotwin_data::Vec3;
 
 /// Which of the two plates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,72 +21,101 @@ pub enum PlateKind {
 pub struct Plate {
     kind: PlateKind,
     shape: RoundedPlate,
-    nodes: Vec<u32>,
-    /// Rest area of each node (mm²).
-    areas: Vec<f64>,
+    contact: Contact,
+    /// Distance (mm) of the axis that the plate tilts about from its edge.
+    axis_mm: f64,
 }
 
 impl Plate {
-    /// A plate that touches `faces`; areas are taken with the nodes at `points` (mm).
+    /// A plate that touches `faces`, without friction; areas are taken with the nodes at `points`
+    /// (mm).
     pub fn new(kind: PlateKind, shape: RoundedPlate, points: &[Vec3], faces: &[[u32; 3]]) -> Self {
-        let areas = node_areas(points, faces);
-        let (nodes, areas) = areas.into_iter().filter(|&(_, area)| area > 0.0).unzip();
-        Self { kind, shape, nodes, areas }
+        Self { kind, shape, contact: Contact::new(points, faces, Opening::Free), axis_mm: 0.0 }
+    }
+
+    /// The same plate, which resists slip from where the nodes are at the first load.
+    ///
+    /// # Errors
+    /// A friction coefficient that is negative or no number.
+    pub fn slip(mut self, slip: Slip) -> Result<Self, ModelError> {
+        self.contact.set_slip(self.kind.name(), slip)?;
+        Ok(self)
+    }
+
+    /// The same plate, which tilts with [`Load::tilt_rad`] about a line at this distance (mm) from
+    /// its edge, when it is the paddle.
+    pub fn tilting(mut self, axis_mm: f64) -> Self {
+        self.axis_mm = axis_mm;
+        self
     }
 
     /// The same plate, which leaves some nodes alone.
     pub fn without(mut self, left_alone: impl Fn(u32) -> bool) -> Self {
-        let touched = |n: &u32| !left_alone(*n);
-        let areas = self.nodes.iter().zip(&self.areas).filter(|(n, _)| touched(n));
-        self.areas = areas.map(|(_, area)| *area).collect();
-        self.nodes.retain(touched);
+        self.contact.leave(left_alone);
         self
     }
 
-    fn distance(&self, element: usize, points: &[Vec3], load: &Load) -> (f64, Vec3, Mat3) {
-        let level = match self.kind {
+    fn level(&self, load: &Load) -> f64 {
+        match self.kind {
             PlateKind::Receptor => -load.receptor_mm,
             PlateKind::Paddle => load.receptor_mm + load.thickness_mm,
+        }
+    }
+
+    fn touch(&self, element: usize, points: &[Vec3], load: &Load) -> Touch {
+        let (point, level) = (&points[self.contact.nodes[element] as usize], self.level(load));
+        let (distance, normal, curvature) = match self.tilted(load) {
+            Some(Tilted { shape, level_mm, .. }) => shape.distance(point, level_mm),
+            None => self.shape.distance(point, level),
         };
-        self.shape.distance(&points[self.nodes[element] as usize], level)
+        // Points of a plate that tilts move along its normal, to first order: slip knows not of it.
+        Touch { distance, normal, curvature, place: point - level * self.shape.into }
     }
 
-    fn penalty(&self, element: usize, shear_kpa: &[f64]) -> f64 {
-        penalty_kpa_per_mm(shear_kpa[self.nodes[element] as usize], self.areas[element])
+    fn tilted(&self, load: &Load) -> Option<Tilted> {
+        let tilts = self.kind == PlateKind::Paddle && load.tilt_rad != 0.0;
+        let tilted = || Tilted::new(&self.shape, self.level(load), self.axis_mm, load.tilt_rad);
+        tilts.then(tilted)
     }
 
-    /// Contact pressure on the rest area (kPa) with the distance, its gradient and curvature.
-    fn pressure(&self, element: usize, at: &At) -> (f64, Vec3, Mat3) {
-        let (distance, normal, curvature) = self.distance(element, at.points, &at.load);
-        let penalty = self.penalty(element, at.shear_kpa);
-        ((at.memory[element] - penalty * distance).max(0.0), normal, curvature)
+    /// Torque (mN mm) of the body on the plate about its axis, positive when it turns the side of
+    /// the nipple down, and the sum of the sizes of its parts.
+    pub fn torque(&self, at: &At) -> (f64, f64) {
+        let axis = (self.axis_mm, at.load.tilt_rad);
+        let tilted = Tilted::new(&self.shape, self.level(&at.load), axis.0, axis.1);
+        let parts = self.node_forces(at).into_iter().map(|force| {
+            let turning = tilted.turning(&at.points[force.node as usize]);
+            -(force.normal + force.friction).dot(&turning)
+        });
+        parts.fold((0.0, 0.0), |(sum, size), part| (sum + part, size + part.abs()))
     }
 
     /// Force (mN) of the plate on each node that it touches.
-    pub fn node_forces(&self, at: &At) -> Vec<(u32, Vec3)> {
-        let force = |element: usize| {
-            let (pressure, normal, _) = self.pressure(element, at);
-            (self.nodes[element], self.areas[element] * pressure * normal)
-        };
-        let touched = (0..self.nodes.len()).map(force);
-        touched.filter(|(_, force)| *force != Vec3::zeros()).collect()
+    pub fn node_forces(&self, at: &At) -> Vec<NodeForce> {
+        self.contact.forces(at, |element| self.touch(element, at.points, &at.load))
+    }
+}
+
+impl PlateKind {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Receptor => "receptor",
+            Self::Paddle => "paddle",
+        }
     }
 }
 
 impl Term for Plate {
     fn name(&self) -> &str {
-        match self.kind {
-            PlateKind::Receptor => "receptor",
-            PlateKind::Paddle => "paddle",
-        }
+        self.kind.name()
     }
 
     fn elements(&self) -> usize {
-        self.nodes.len()
+        self.contact.nodes.len()
     }
 
     fn nodes(&self, element: usize) -> &[u32] {
-        std::slice::from_ref(&self.nodes[element])
+        std::slice::from_ref(&self.contact.nodes[element])
     }
 
     fn block(
@@ -100,34 +125,17 @@ impl Term for Plate {
         order: Order,
         block: &mut Block,
     ) -> Result<(), MaterialError> {
-        let (pressure, normal, curvature) = self.pressure(element, at);
-        let (area, multiplier) = (self.areas[element], at.memory[element]);
-        let penalty = self.penalty(element, at.shear_kpa);
-        block.energy = 0.5 * area * (pressure * pressure - multiplier * multiplier) / penalty;
-        if pressure > 0.0 && order >= Order::Gradient {
-            block.gradient[0] = -area * pressure * normal;
-            block.hessian[0][0] = area * penalty * normal * normal.transpose();
-            if at.curvature == Curvature::Exact {
-                block.hessian[0][0] -= area * pressure * curvature;
-            }
-        }
+        let touch = self.touch(element, at.points, &at.load);
+        self.contact.block(element, at, order, block, &touch);
         Ok(())
     }
 
-    fn first_memory(&self, _points: &[Vec3]) -> Vec<f64> {
-        vec![0.0; self.nodes.len()]
+    fn first_memory(&self, points: &[Vec3], load: Load) -> Vec<f64> {
+        self.contact.first_memory(0.0, |element| self.touch(element, points, &load))
     }
 
     fn contact(&self, at: &At) -> Option<ContactCheck> {
-        let mut check = ContactCheck::default();
-        for element in 0..self.nodes.len() {
-            let distance = self.distance(element, at.points, &at.load).0;
-            check.penetration_mm = check.penetration_mm.max(-distance);
-            if self.pressure(element, at).0 > 0.0 {
-                check.gap_mm = check.gap_mm.max(distance);
-            }
-        }
-        Some(check)
+        Some(self.contact.check(at, |element| self.touch(element, at.points, &at.load)))
     }
 
     fn update_multipliers(
@@ -137,9 +145,14 @@ impl Term for Plate {
         load: Load,
         memory: &mut [f64],
     ) {
-        for (element, multiplier) in memory.iter_mut().enumerate() {
-            let push = self.penalty(element, shear_kpa) * self.distance(element, points, &load).0;
-            *multiplier = (*multiplier - push).max(0.0);
-        }
+        self.contact.update(shear_kpa, memory, |element| self.touch(element, points, &load));
+    }
+
+    fn accept(&self, points: &[Vec3], load: Load, memory: &mut [f64]) {
+        self.contact.accept(memory, |element| self.touch(element, points, &load));
+    }
+
+    fn may_open(&self) -> bool {
+        true
     }
 }

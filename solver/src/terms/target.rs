@@ -44,3 +44,22 @@ impl Target for Cylinder {
         (radius - self.radius_mm, normal, hessian)
     }
 }
+
+/// A sphere; the body is outside of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sphere {
+    /// Centre (mm).
+    pub center: Vec3,
+    /// Radius (mm).
+    pub radius_mm: f64,
+}
+
+impl Target for Sphere {
+    fn distance(&self, point: &Vec3) -> (f64, Vec3, Mat3) {
+        let arm = point - self.center;
+        let radius = arm.norm();
+        let normal = arm.try_normalize(1e-9).unwrap_or_else(Vec3::zeros);
+        let hessian = (Mat3::identity() - normal * normal.transpose()) / radius.max(1e-9);
+        (radius - self.radius_mm, normal, hessian)
+    }
+}

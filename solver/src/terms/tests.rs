@@ -3,8 +3,8 @@
 use super::plate::{Plate, PlateKind};
 use super::quadratic::{self, Rule};
 use super::{
-    At, Bulk, Cable, Cables, Curvature, Gravity, Load, Membrane, QuadraticBulk, QuadraticMembrane,
-    Sliding, Term as _, target::Cylinder, testing,
+    At, Bulk, Cable, Cables, Curvature, Gravity, Load, Membrane, Opening, QuadraticBulk,
+    QuadraticMembrane, Sliding, Slip, Term as _, target::Cylinder, testing,
 };
 use crate::materials::Law;
 use crate::mesh::quadratic::QuadraticMesh;
@@ -53,7 +53,7 @@ fn laws() -> [Law; 5] {
 #[track_caller]
 fn check(term: &dyn super::Term, points: &[Vec3]) {
     let pressure = [0.3, -0.2, 0.5, 0.1, -0.4];
-    let memory = term.first_memory(points);
+    let memory = term.first_memory(points, Load::GRAVITY);
     let shear_kpa = &[0.2; 5];
     let (memory, load) = (&memory, Load::GRAVITY);
     testing::check(
@@ -160,12 +160,42 @@ fn sliding() {
     let axis = Vec3::new(0.6, 0.0, 0.8);
     let cylinder = Cylinder { point: Vec3::new(4.0, -7.0, 1.0), axis, radius_mm: 9.0 };
     let faces = [[0, 1, 3], [1, 4, 3]];
-    let term = Sliding::new("wall", &mesh.points, &faces, Arc::new(cylinder), 0.0).unwrap();
-    check(&term, &moved(&mesh));
-    let mut memory = term.first_memory(&mesh.points);
-    term.update_multipliers(&mesh.points, &[0.2; 5], Load::GRAVITY, &mut memory);
+    let glide = || Sliding::new("wall", &mesh.points, &faces, Arc::new(cylinder));
+    let mut memory = glide().first_memory(&mesh.points, Load::GRAVITY);
+    glide().update_multipliers(&mesh.points, &[0.2; 5], Load::GRAVITY, &mut memory);
     assert!(memory.iter().all(|m| *m != 0.0));
-    assert!(Sliding::new("wall", &mesh.points, &faces, Arc::new(cylinder), 0.1).is_err());
+    for opening in [Opening::Never, Opening::Free] {
+        for slip in [Slip::Free, Slip::Coulomb(0.3), Slip::Never] {
+            let term = glide().opening(opening).slip(slip, &mesh.points).unwrap();
+            check_contact(&term, &mesh.points, Load::GRAVITY);
+        }
+    }
+    let bits = glide().slip(Slip::Coulomb(0.0), &mesh.points).unwrap();
+    assert_eq!(bits.first_memory(&mesh.points, Load::GRAVITY).len(), memory.len());
+    for friction in [-0.1, f64::NAN, f64::INFINITY] {
+        assert!(glide().slip(Slip::Coulomb(friction), &mesh.points).is_err());
+    }
+}
+
+/// A contact before anything is known of it, after two rounds at which nodes slip, and where they
+/// stick in the next load step.
+#[track_caller]
+fn check_contact(term: &dyn super::Term, rest: &[Vec3], load: Load) {
+    let shear_kpa = &[0.2; 5];
+    let check = |points: &[Vec3], memory: &[f64]| {
+        let curvature = Curvature::Exact;
+        testing::check(term, &At { points, pressure: &[], memory, shear_kpa, load, curvature });
+    };
+    let points = moved(&pair());
+    let mut memory = term.first_memory(rest, load);
+    check(&points, &memory);
+    for _ in 0..2 {
+        term.update_multipliers(&points, shear_kpa, load, &mut memory);
+        check(&points, &memory);
+    }
+    term.accept(&points, load, &mut memory);
+    let nudge = |(n, p): (usize, &Vec3)| p - 0.03 * (p - rest[n]).normalize();
+    check(&points.iter().enumerate().map(nudge).collect::<Vec<_>>(), &memory);
 }
 
 #[test]
@@ -181,19 +211,61 @@ fn plate() {
     for (kind, receptor_mm, thickness_mm) in
         [(PlateKind::Receptor, -1.0, 5.0), (PlateKind::Paddle, 0.0, 2.0)]
     {
-        let term = Plate::new(kind, shape, &mesh.points, &faces);
-        let points = moved(&mesh);
-        let load = Load { gravity: 1.0, receptor_mm, thickness_mm };
-        let mut memory = term.first_memory(&points);
-        let shear_kpa = &[0.2; 5];
-        for _ in 0..2 {
-            let curvature = Curvature::Exact;
-            let at =
-                At { points: &points, pressure: &[], memory: &memory, shear_kpa, load, curvature };
-            testing::check(&term, &at);
+        let load = Load { gravity: 1.0, receptor_mm, thickness_mm, tilt_rad: 0.0 };
+        for friction in [0.0, 0.3] {
+            let term = Plate::new(kind, shape, &mesh.points, &faces);
+            let term = term.slip(Slip::Coulomb(friction)).unwrap();
+            check_contact(&term, &mesh.points, load);
+            let (points, shear_kpa) = (&moved(&mesh)[..], &[0.2; 5]);
+            let mut memory = term.first_memory(&mesh.points, load);
+            term.update_multipliers(points, shear_kpa, load, &mut memory);
+            let (memory, curvature) = (&memory, Curvature::Exact);
+            let at = At { points, pressure: &[], memory, shear_kpa, load, curvature };
             assert!(term.contact(&at).unwrap().penetration_mm > 0.0);
-            assert!(!term.node_forces(&at).is_empty());
-            term.update_multipliers(&points, shear_kpa, load, &mut memory);
+            // Every node slips by more than the smoothing: friction is at its limit.
+            let forces = term.node_forces(&at);
+            assert!(!forces.is_empty());
+            for force in forces {
+                let (n, f) = (force.normal.norm(), force.friction.norm());
+                // The multiplier was renewed at this place: its penalty presses once more.
+                assert!(f <= friction * n + 1e-12 && f >= 0.49 * friction * n, "{n} {f}");
+            }
         }
+        assert!(Plate::new(kind, shape, &mesh.points, &faces).slip(Slip::Coulomb(-1.0)).is_err());
+    }
+}
+
+#[test]
+fn a_plate_that_tilts() {
+    let mesh = pair();
+    let shape = RoundedPlate {
+        into: Vec3::new(0.0, 0.6, 0.8),
+        away: Vec3::new(0.0, -0.8, 0.6),
+        edge_mm: -6.0,
+        radius_mm: 7.0,
+    };
+    let plate = Plate::new(PlateKind::Paddle, shape, &mesh.points, &[[0, 1, 3], [1, 4, 3]]);
+    let plate = plate.tilting(9.0);
+    let (points, shear_kpa, pressure) = (&moved(&mesh)[..], &[0.2; 5][..], &[][..]);
+    for tilt_rad in [-0.2, 0.0, 0.3] {
+        let load = Load { gravity: 1.0, receptor_mm: 0.0, thickness_mm: 2.0, tilt_rad };
+        check_contact(&plate, &mesh.points, load);
+        // The torque is minus the derivative of the energy by the tilt.
+        let memory = &plate.first_memory(points, load)[..];
+        let at = |change: f64| {
+            let load = Load { tilt_rad: tilt_rad + change, ..load };
+            At { points, pressure, memory, shear_kpa, load, curvature: Curvature::Exact }
+        };
+        let energy = |change: f64| -> f64 {
+            let one = |element: usize| {
+                let mut block = super::Block::ZERO;
+                plate.block(element, &at(change), super::Order::Value, &mut block).unwrap();
+                block.energy
+            };
+            (0..plate.elements()).map(one).sum()
+        };
+        let (torque, size) = plate.torque(&at(0.0));
+        let want = -(energy(1e-5) - energy(-1e-5)) / 2e-5;
+        assert!((torque - want).abs() < 1e-5 * size && size > 0.0, "{torque} for {want}");
     }
 }

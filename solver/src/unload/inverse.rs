@@ -5,6 +5,10 @@
 //! The supports are known too: fixed nodes rest where they are held, gliding nodes rest on their
 //! surface, which takes up any normal force.
 //!
+//! Friction depends on the path, and the path is not known: it is taken for the one of a single load
+//! step from rest. Slip then is x - X, and with the normal force known from x it is a force that
+//! depends on X alone.
+//!
 //! With F from `transport`, ∂r/∂X ≈ -K F with the stiffness K of the loaded body. Newton's
 //! equations are therefore solved by GMRES on K⁻¹ (∂r/∂X) (-F⁻¹), which is near the identity, with
 //! ∂r/∂X by differences. Unknowns and residuals are then nodal displacements: K⁻¹ r foretells by
@@ -19,7 +23,7 @@ use super::transport::pull_back;
 use crate::assemble::{Assembly, State};
 use crate::linear::Ldlt;
 use crate::model::Model;
-use crate::terms::{Curvature, Load};
+use crate::terms::{Block, Curvature, Load, Order};
 use mammotwin_data::{Mat3, Vec3};
 
 /// Newton steps at one load.
@@ -113,8 +117,6 @@ struct Forces {
     model: Model,
     /// Out-of-balance forces (mN) along what is free.
     unbalanced: Vec<Vec3>,
-    /// All forces (mN) but the reactions of surfaces and fixed axes.
-    applied: Vec<Vec3>,
 }
 
 /// The linearisation at one rest shape.
@@ -166,28 +168,50 @@ impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B>
         }
         self.assembly.renew(&model).ok()?;
         for (term, memory) in model.terms().iter().zip(&mut self.state.memory) {
-            *memory = term.first_memory(self.known);
+            *memory = term.first_memory(self.known, self.state.load);
         }
         let mut pressure = Vec::new();
         self.assembly.energy(&model, &self.state, self.known, &mut pressure).ok()?;
         self.state.pressure = pressure;
         let mut applied = vec![Vec3::zeros(); rest.len()];
-        for gradient in self.assembly.term_gradients(&model, &self.state).ok()? {
-            applied.iter_mut().zip(&gradient).for_each(|(sum, g)| *sum += g);
+        let gradients = self.assembly.term_gradients(&model, &self.state).ok()?;
+        for (term, gradient) in model.terms().iter().zip(&gradients) {
+            // Surfaces react to what all others do.
+            if term.surface().is_none() {
+                applied.iter_mut().zip(gradient).for_each(|(sum, g)| *sum += g);
+            }
         }
         let mut unbalanced = applied.clone();
+        self.add_reactions(&model, &applied, &mut unbalanced)?;
         tangential(&model, &self.known_normals, &mut unbalanced);
         let finite = unbalanced.iter().flatten().all(|f| f.is_finite());
-        finite.then_some(Forces { model, unbalanced, applied })
+        finite.then_some(Forces { model, unbalanced })
+    }
+
+    /// Adds the forces of surfaces, which react to those that are applied.
+    fn add_reactions(&mut self, model: &Model, applied: &[Vec3], sum: &mut [Vec3]) -> Option<()> {
+        let mut block = Block::ZERO;
+        for (index, term) in model.terms().iter().enumerate() {
+            if term.surface().is_none() {
+                continue;
+            }
+            term.react(self.known, applied, &mut self.state.memory[index]);
+            for element in 0..term.elements() {
+                let nodes = term.nodes(element);
+                block.clear(nodes.len());
+                term.block(element, &self.state.at(index), Order::Gradient, &mut block).ok()?;
+                for (&node, gradient) in nodes.iter().zip(&block.gradient) {
+                    sum[node as usize] += gradient;
+                }
+            }
+        }
+        Some(())
     }
 
     /// Factorises the stiffness of the loaded body that rests at `rest`, right after its
     /// [`Search::forces`]; `None` when it is unstable beyond help.
     fn linearise(&mut self, rest: &[Vec3], forces: &Forces) -> Option<Linear> {
         let model = &forces.model;
-        for (term, memory) in model.terms().iter().zip(&mut self.state.memory) {
-            term.react(self.known, &forces.applied, memory);
-        }
         let mut gradient = Vec::new();
         let (mut factored, mut stable) = (false, false);
         for (round, shift) in SHIFTS.into_iter().enumerate() {

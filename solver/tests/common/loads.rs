@@ -4,7 +4,7 @@
 
 use mammotwin_data::Vec3;
 use mammotwin_solver::materials::MaterialError;
-use mammotwin_solver::terms::{At, Block, Order, Term};
+use mammotwin_solver::terms::{At, Block, Load, Order, Term};
 
 /// Forces that keep their direction.
 pub struct DeadForces {
@@ -93,5 +93,33 @@ impl Term for Cavity {
             block.hessian[2][1] = -p * a.cross_matrix();
         }
         Ok(())
+    }
+}
+
+/// Forces that keep their direction and grow with the place of the receptor: full at 1 mm.
+pub struct Pull(pub DeadForces);
+
+impl Term for Pull {
+    fn name(&self) -> &str {
+        "pull"
+    }
+
+    fn elements(&self) -> usize {
+        self.0.elements()
+    }
+
+    fn nodes(&self, element: usize) -> &[u32] {
+        self.0.nodes(element)
+    }
+
+    fn block(
+        &self,
+        element: usize,
+        at: &At,
+        order: Order,
+        block: &mut Block,
+    ) -> Result<(), MaterialError> {
+        let load = Load { gravity: at.load.receptor_mm, ..at.load };
+        self.0.block(element, &At { load, ..*at }, order, block)
     }
 }

@@ -9,6 +9,7 @@ use super::anatomy::Anatomy;
 use mammotwin_data::{
     Vec3,
     mesh::{Patch, TetMesh},
+    study::InterfaceRegion,
     surface::TriMesh,
 };
 
@@ -51,6 +52,16 @@ impl Ligament {
         Self::ALL.into_iter().find(|ligament| ligament.name() == name)
     }
 
+    /// The region of the chest wall that it holds.
+    fn region(self) -> InterfaceRegion {
+        match self {
+            Self::Inframammary => InterfaceRegion::Inframammary,
+            Self::DeepMedial => InterfaceRegion::DeepMedial,
+            Self::Cranial => InterfaceRegion::Cranial,
+            Self::Lateral => InterfaceRegion::Lateral,
+        }
+    }
+
     /// The sector of the rim that elliptic coordinates (lateral, cranial) lie in.
     fn of_sector([lateral, cranial]: [f64; 2]) -> Self {
         if cranial.abs() >= lateral.abs() {
@@ -60,6 +71,18 @@ impl Ligament {
         } else {
             Self::Lateral
         }
+    }
+}
+
+/// Region of the chest wall that a point (mm) of the reference pose belongs to, if any.
+pub fn region(anatomy: &Anatomy, point: &Vec3) -> Option<InterfaceRegion> {
+    let (base, radius) = anatomy.nearest(point)?;
+    if radius < RIM[0] {
+        Some(InterfaceRegion::Base)
+    } else if radius <= RIM[1] {
+        Some(Ligament::of_sector(base.elliptic(point)).region())
+    } else {
+        None
     }
 }
 

@@ -5,11 +5,12 @@
 //! hold the body where it is in the reference pose.
 
 mod anatomy;
+mod interface;
 mod ligaments;
 mod recipe;
 
 pub use anatomy::{Anatomy, BreastBase, NoBreast};
-pub use ligaments::{CablePlan, LENGTH_MM, Ligament, cables, lateral_cables, shared_nodes};
+pub use ligaments::{CablePlan, LENGTH_MM, Ligament, cables, lateral_cables, region, shared_nodes};
 pub use recipe::{Recipe, SheetPlan, Tether, TissuePlan};
 
 use crate::mesh::BreastMesh;
@@ -17,11 +18,11 @@ use mammotwin_data::{
     Failure, Vec3,
     labels::Side,
     mesh::{Patch, TetMesh},
-    study::{InterfaceKind, LawConstants, LawName, ModelPlan},
+    study::{LawConstants, LawName, ModelPlan},
 };
 use mammotwin_solver::{
     model::Model,
-    terms::{Bulk, Cables, Gravity, GridDistance, Membrane, Sliding, Target},
+    terms::{Bulk, Cables, Gravity, GridDistance, Membrane, Target},
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -123,22 +124,7 @@ impl<'a> Body<'a> {
     /// Chest wall, ligaments and cut edges (Mîra 2018, § 3.4).
     fn support(&self, model: &mut Model, rest: &[Vec3], recipe: &Recipe) -> Result<(), Failure> {
         let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("model: {cause}"));
-        let reference = &self.mesh.points;
-        match self.plan.interface.kind {
-            InterfaceKind::NoSeparation => {
-                let faces = self.mesh.patch(Patch::ChestWall);
-                let wall = self.wall.clone();
-                let friction = self.plan.interface.friction;
-                let sliding = Sliding::new("chest_wall", reference, faces, wall, friction)
-                    .map_err(|c| refuse(&c))?;
-                model.add(sliding).map_err(|c| refuse(&c))?;
-            }
-            InterfaceKind::Bonded => {
-                for n in self.mesh.patch_nodes(Patch::ChestWall) {
-                    model.hold(n, reference[n as usize]);
-                }
-            }
-        }
+        interface::support(self, model, rest).map_err(|c| refuse(&c))?;
         let young_kpa = self.plan.ligaments.young_kpa;
         let sides = lateral_cables(self.mesh, rest);
         let sides = sides.iter().map(|cable| recipe::tied(cable, young_kpa, 0.0)).collect();

@@ -2,7 +2,7 @@
 
 use super::{PoseName, Preset, Torso, Truth};
 use mammotwin_data::study::{
-    BreastPlan, InterfaceKind, InterfacePlan, LayerPlan, LigamentPlan, ModelPlan, MusclePlan,
+    BreastPlan, InterfacePlan, LayerPlan, LigamentPlan, ModelPlan, MusclePlan,
 };
 use std::fmt::Write;
 
@@ -21,7 +21,7 @@ pub fn model_plan(person: &Preset) -> ModelPlan {
         fascia: LayerPlan::neo_hookean(stiffness.fascia_kpa, fixed.fascia_mm),
         muscle: MusclePlan { rigid: true, young_kpa: fixed.muscle_kpa },
         ligaments: LigamentPlan { young_kpa: fixed.ligaments_kpa, ..LigamentPlan::default() },
-        interface: InterfacePlan { kind: fixed.interface, friction: fixed.friction },
+        interface: InterfacePlan::uniform(fixed.interface, Some(fixed.friction)),
         density_g_per_cm3: fixed.density_g_per_cm3,
         effects: person.effects.clone(),
     }
@@ -109,10 +109,7 @@ calcifications = {{ rows = 7, columns = 3, pitch_mm = 10.0, diameter_mm = [0.2, 
         fascia_mm = fixed.fascia_mm,
         muscle = float(fixed.muscle_kpa),
         ligaments = float(fixed.ligaments_kpa),
-        interface = match fixed.interface {
-            InterfaceKind::NoSeparation => "no_separation",
-            InterfaceKind::Bonded => "bonded",
-        },
+        interface = fixed.interface.name(),
         friction = float(fixed.friction),
         size = float(person.study_mesh.size_mm),
         distance = float(compression.chest_wall_distance_mm),

@@ -62,7 +62,12 @@ impl Writer {
         let long_name = "Largest opening of a no-separation contact";
         self.put_scalar(&at("checks/max_gap_mm"), checks.max_gap_mm, "mm", long_name)?;
         let long_name = "Norm of the sum of all forces over the largest of them";
-        self.put_scalar(&at("checks/force_imbalance"), checks.force_imbalance, "1", long_name)
+        self.put_scalar(&at("checks/force_imbalance"), checks.force_imbalance, "1", long_name)?;
+        let (long_name, turning) =
+            ("Norm of the sum of all moments over the most of any term", checks.moment_imbalance);
+        self.put_scalar(&at("checks/moment_imbalance"), turning, "1", long_name)?;
+        let (long_name, lag) = ("Change of friction by one more round", checks.friction_lag);
+        self.put_scalar(&at("checks/friction_lag"), lag, "1", long_name)
     }
 }
 
@@ -117,6 +122,8 @@ impl Reader {
             max_penetration_mm: self.scalar(&at("checks/max_penetration_mm"))?,
             max_gap_mm: self.scalar(&at("checks/max_gap_mm"))?,
             force_imbalance: self.scalar(&at("checks/force_imbalance"))?,
+            moment_imbalance: self.scalar(&at("checks/moment_imbalance"))?,
+            friction_lag: self.scalar(&at("checks/friction_lag"))?,
         };
         Ok(Solution {
             points: self.get(&at("points"))?,

@@ -1,0 +1,281 @@
+//! Contact of nodes with a smooth surface: what sliding and plates have in common.
+//!
+//! Every node stands for its share A of a surface. Its distance d from the target, with the
+//! multiplier λ (kPa, negative where pressed on), costs A (λ d + ½ k d²) where the contact never
+//! opens, and A/(2k) (min(0, λ + k d)² - λ²) where it may: augmented Lagrangians of d = 0 and
+//! d >= 0 (Wriggers, *Computational contact mechanics* (2006), § 6.3, § 10.3). The penalty k only
+//! sets the speed: the multipliers are updated until gaps and penetrations are below tolerance.
+//! Along the surface there is [`super::friction`].
+
+use super::friction::{Hold, Response, Slip};
+use super::{At, Block, ContactCheck, Curvature, Order};
+use crate::model::ModelError;
+use mammotwin_data::{Mat3, Vec3};
+use std::collections::BTreeMap;
+
+/// Penalty in units of the tissue's shear modulus over the node's own width.
+const PENALTY: f64 = 1000.0;
+
+/// Area (mm²) of the faces that belongs to each of their nodes.
+pub(crate) fn node_areas(points: &[Vec3], faces: &[[u32; 3]]) -> BTreeMap<u32, f64> {
+    let mut areas = BTreeMap::new();
+    for face in faces {
+        let [a, b, c] = face.map(|n| points[n as usize]);
+        let third = (b - a).cross(&(c - a)).norm() / 6.0;
+        for &n in face {
+            *areas.entry(n).or_insert(0.0) += third;
+        }
+    }
+    areas
+}
+
+/// What a contact does along its normal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Opening {
+    /// Stays closed.
+    Never,
+    /// Opens where it would have to pull.
+    Free,
+}
+
+/// Where a node is with respect to the surface that it touches.
+pub(super) struct Touch {
+    /// Distance (mm), negative inside.
+    pub distance: f64,
+    /// Its gradient.
+    pub normal: Vec3,
+    /// Its second derivatives (1/mm).
+    pub curvature: Mat3,
+    /// Place of the node (mm) as the surface sees it, which may move.
+    pub place: Vec3,
+}
+
+/// Force (mN) of a contact on a node.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NodeForce {
+    /// The node.
+    pub node: u32,
+    /// Along the surface's normal.
+    pub normal: Vec3,
+    /// Along the surface.
+    pub friction: Vec3,
+}
+
+/// Nodes of a body that touch a surface. The memory has the multiplier of each node and, with
+/// friction, a [`Hold`] of each.
+#[derive(Debug, Clone)]
+pub(super) struct Contact {
+    pub nodes: Vec<u32>,
+    /// Area of each node (mm²).
+    pub areas: Vec<f64>,
+    pub opening: Opening,
+    slip: Slip,
+}
+
+impl Contact {
+    /// The nodes of `faces`, with their areas when the nodes are at `points` (mm); without friction.
+    pub fn new(points: &[Vec3], faces: &[[u32; 3]], opening: Opening) -> Self {
+        let areas = node_areas(points, faces);
+        let (nodes, areas) = areas.into_iter().filter(|&(_, area)| area > 0.0).unzip();
+        Self { nodes, areas, opening, slip: Slip::Free }
+    }
+
+    /// Leaves some nodes alone.
+    pub fn leave(&mut self, left_alone: impl Fn(u32) -> bool) {
+        let touched = |n: &u32| !left_alone(*n);
+        let areas = self.nodes.iter().zip(&self.areas).filter(|(n, _)| touched(n));
+        self.areas = areas.map(|(_, area)| *area).collect();
+        self.nodes.retain(touched);
+    }
+
+    /// Slips as is said; a coefficient of zero is no friction.
+    ///
+    /// # Errors
+    /// A coefficient that is negative or no number.
+    pub fn set_slip(&mut self, term: &str, slip: Slip) -> Result<(), ModelError> {
+        self.slip = match slip {
+            Slip::Coulomb(friction) if !(friction >= 0.0 && friction.is_finite()) => {
+                return Err(ModelError::Value {
+                    term: term.into(),
+                    what: "friction coefficient",
+                    value: friction,
+                    remedy: "give one that is not negative",
+                });
+            }
+            Slip::Coulomb(0.0) => Slip::Free,
+            slip => slip,
+        };
+        Ok(())
+    }
+
+    /// Whether there is friction.
+    pub fn has_friction(&self) -> bool {
+        self.slip != Slip::Free
+    }
+
+    /// Penalty (kPa/mm) of a node.
+    fn penalty(&self, element: usize, shear_kpa: &[f64]) -> f64 {
+        PENALTY * shear_kpa[self.nodes[element] as usize] / self.areas[element].sqrt()
+    }
+
+    fn hold(&self, element: usize, memory: &[f64]) -> Hold {
+        Hold::read(&memory[self.nodes.len() + Hold::LENGTH * element..])
+    }
+
+    fn holds<'a>(&self, memory: &'a mut [f64]) -> std::slice::ChunksExactMut<'a, f64> {
+        memory[self.nodes.len()..].chunks_exact_mut(Hold::LENGTH)
+    }
+
+    /// Traction along the normal (kPa, negative where pressed on).
+    fn traction(&self, element: usize, memory: &[f64], shear_kpa: &[f64], touch: &Touch) -> f64 {
+        let traction = memory[element] + self.penalty(element, shear_kpa) * touch.distance;
+        match self.opening {
+            Opening::Never => traction,
+            Opening::Free => traction.min(0.0),
+        }
+    }
+
+    fn friction(&self, element: usize, at: &At, touch: &Touch) -> Response {
+        if !self.has_friction() {
+            return Response::NONE;
+        }
+        let stick = self.penalty(element, at.shear_kpa);
+        self.slip.response(&self.hold(element, at.memory), &touch.place, stick)
+    }
+
+    /// Energy of a node and its derivatives.
+    pub fn block(&self, element: usize, at: &At, order: Order, block: &mut Block, touch: &Touch) {
+        let Touch { distance, normal, curvature, .. } = touch;
+        let (area, multiplier) = (self.areas[element], at.memory[element]);
+        let penalty = self.penalty(element, at.shear_kpa);
+        let traction = self.traction(element, at.memory, at.shear_kpa, touch);
+        block.energy = match self.opening {
+            Opening::Never => area * (multiplier + 0.5 * penalty * distance) * distance,
+            Opening::Free => 0.5 * area * (traction * traction - multiplier * multiplier) / penalty,
+        };
+        // What just touches is closed: a body that lies on the surface has a stiffness there.
+        let touches = traction < 0.0 || (distance, multiplier) == (&0.0, 0.0);
+        let closed = self.opening == Opening::Never || touches;
+        if closed && order >= Order::Gradient {
+            block.gradient[0] = area * traction * normal;
+        }
+        if closed && order >= Order::Hessian {
+            block.hessian[0][0] = area * penalty * normal * normal.transpose();
+            if at.curvature == Curvature::Exact || traction > 0.0 {
+                block.hessian[0][0] += area * traction * curvature;
+            }
+        }
+        if self.has_friction() {
+            let friction = self.friction(element, at, touch);
+            block.energy += area * friction.energy;
+            block.gradient[0] += area * friction.traction;
+            block.hessian[0][0] += area * friction.stiffness;
+        }
+    }
+
+    /// What is remembered before anything has happened: slip counts from where nodes touch, and the
+    /// normal pressure is taken for `pressure` (kPa; infinite when not known).
+    pub fn first_memory(&self, pressure: f64, touch: impl Fn(usize) -> Touch) -> Vec<f64> {
+        let length = if self.has_friction() { Hold::LENGTH } else { 0 };
+        let mut memory = vec![0.0; self.nodes.len() * (1 + length)];
+        if self.has_friction() {
+            for (element, memory) in self.holds(&mut memory).enumerate() {
+                let touch = touch(element);
+                let normal = unit(&touch.normal);
+                Hold::first(pressure, normal, touch.place).write(memory);
+            }
+        }
+        memory
+    }
+
+    /// How well the contact holds.
+    pub fn check(&self, at: &At, touch: impl Fn(usize) -> Touch) -> ContactCheck {
+        let mut check = ContactCheck::default();
+        let (mut lag, mut pressing) = (0.0, f64::MIN_POSITIVE);
+        for element in 0..self.nodes.len() {
+            let touch = touch(element);
+            let traction = self.traction(element, at.memory, at.shear_kpa, &touch);
+            check.penetration_mm = check.penetration_mm.max(-touch.distance);
+            if self.opening == Opening::Never || traction < 0.0 {
+                check.gap_mm = check.gap_mm.max(touch.distance);
+            }
+            if self.has_friction() {
+                let (pressure, normal) = pressure(traction, &touch.normal);
+                let exact = self.hold(element, at.memory).exact(pressure, normal);
+                let stick = self.penalty(element, at.shear_kpa);
+                let exact = self.slip.response(&exact, &touch.place, stick).traction;
+                let change = exact - self.friction(element, at, &touch).traction;
+                lag += self.areas[element] * change.norm();
+                pressing += self.areas[element] * traction.abs() * touch.normal.norm();
+            }
+        }
+        check.friction_lag = lag / pressing;
+        check
+    }
+
+    /// Renews multipliers and what friction takes of the normal direction.
+    pub fn update(&self, shear_kpa: &[f64], memory: &mut [f64], touch: impl Fn(usize) -> Touch) {
+        for element in 0..self.nodes.len() {
+            let touch = touch(element);
+            memory[element] = self.traction(element, memory, shear_kpa, &touch);
+            self.renew(element, memory, &touch);
+        }
+    }
+
+    /// Renews what friction takes of the normal direction.
+    fn renew(&self, element: usize, memory: &mut [f64], touch: &Touch) {
+        if self.has_friction() {
+            let (pressure, normal) = pressure(memory[element], &touch.normal);
+            let mut hold = self.hold(element, memory);
+            hold.renew(pressure, normal);
+            hold.write(&mut memory[self.nodes.len() + Hold::LENGTH * element..][..Hold::LENGTH]);
+        }
+    }
+
+    /// Ends a load step.
+    pub fn accept(&self, memory: &mut [f64], touch: impl Fn(usize) -> Touch) {
+        if self.has_friction() {
+            for (element, memory) in self.holds(memory).enumerate() {
+                let mut hold = Hold::read(memory);
+                hold.drag(&touch(element).place);
+                hold.write(memory);
+            }
+        }
+    }
+
+    /// Makes the reactions balance what of `gradient` (mN, by node) is normal to the surface.
+    pub fn react(&self, gradient: &[Vec3], memory: &mut [f64], touch: impl Fn(usize) -> Touch) {
+        for element in 0..self.nodes.len() {
+            let touch = touch(element);
+            let force = gradient[self.nodes[element] as usize].dot(&touch.normal);
+            memory[element] = -force / (self.areas[element] * touch.normal.norm_squared());
+            self.renew(element, memory, &touch);
+        }
+    }
+
+    /// Forces (mN) of the surface on each node that it touches.
+    pub fn forces(&self, at: &At, touch: impl Fn(usize) -> Touch) -> Vec<NodeForce> {
+        let force = |element: usize| {
+            let touch = touch(element);
+            let traction = self.traction(element, at.memory, at.shear_kpa, &touch);
+            let area = self.areas[element];
+            let friction = -area * self.friction(element, at, &touch).traction;
+            NodeForce {
+                node: self.nodes[element],
+                normal: -area * traction * touch.normal,
+                friction,
+            }
+        };
+        let touched = |f: &NodeForce| f.normal != Vec3::zeros() || f.friction != Vec3::zeros();
+        (0..self.nodes.len()).map(force).filter(touched).collect()
+    }
+}
+
+/// Pressure (kPa) of a traction along a gradient of the distance, and the unit normal.
+fn pressure(traction: f64, gradient: &Vec3) -> (f64, Vec3) {
+    ((-traction * gradient.norm()).max(0.0), unit(gradient))
+}
+
+fn unit(gradient: &Vec3) -> Vec3 {
+    gradient.try_normalize(1e-9).unwrap_or_else(Vec3::zeros)
+}
