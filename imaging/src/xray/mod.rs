@@ -23,3 +23,4 @@ pub mod raster;
 #[cfg(test)]
 mod shapes;
 pub mod spectrum;
+pub mod transport;

@@ -94,7 +94,7 @@ pub fn path_lengths(
 }
 
 /// Number of directed edges that no opposite one closes.
-fn open_edges(surface: &TriMesh) -> usize {
+pub(crate) fn open_edges(surface: &TriMesh) -> usize {
     let directed = |t: &[u32; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];
     let mut there: Vec<(u32, u32)> = surface.triangles.iter().flat_map(directed).collect();
     let mut back: Vec<(u32, u32)> = there.iter().map(|&(a, b)| (b, a)).collect();

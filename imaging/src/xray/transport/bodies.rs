@@ -1,0 +1,105 @@
+//! Breasts to fly through: the half cylinder of benchmarks and closed surfaces.
+
+use crate::xray::{
+    raster::RasterError,
+    transport::{
+        distance::DistanceGrid,
+        scene::{Body, Bounds},
+    },
+};
+use mammotwin_data::{Vec3, surface::TriMesh};
+
+/// Half of an upright cylinder with a layer of skin (none at the chest wall), between two heights
+/// that may differ from the chest wall to the front.
+///
+/// Frame of the detector: the chest wall is the plane y = 0.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HalfCylinder {
+    /// Outer radius (mm).
+    pub radius: f64,
+    /// Height (mm) of the lower side.
+    pub bottom: f64,
+    /// Height (mm) of the upper side above the chest wall.
+    pub top: f64,
+    /// How much (mm) the upper side sinks for each mm away from the chest wall: a flexible paddle.
+    pub slope: f64,
+    /// Skin (mm).
+    pub skin: f64,
+    /// Air, skin, tissue.
+    pub media: [usize; 3],
+}
+
+impl HalfCylinder {
+    /// Height (mm) of the upper side.
+    pub fn top_at(&self, y: f64) -> f64 {
+        self.top - self.slope * y
+    }
+}
+
+impl Body for HalfCylinder {
+    fn bounds(&self) -> Bounds {
+        let r = self.radius;
+        Bounds::of([-r, r], [0.0, r], [self.bottom, self.top.max(self.top_at(r))])
+    }
+
+    fn media(&self) -> &[usize] {
+        &self.media
+    }
+
+    fn medium(&self, p: &Vec3) -> usize {
+        let r2 = p.x * p.x + p.y * p.y;
+        // Measured along z: for the slopes of paddles (5°) the skin is 0.4 % thinner.
+        let depth = self.top_at(p.y) - p.z;
+        let inner = self.radius - self.skin;
+        if r2 > self.radius * self.radius || depth < 0.0 || p.y < 0.0 {
+            self.media[0]
+        } else if r2 > inner * inner || depth < self.skin || p.z < self.bottom + self.skin {
+            self.media[1]
+        } else {
+            self.media[2]
+        }
+    }
+}
+
+/// A closed surface with a layer of skin below it.
+#[derive(Debug, Clone)]
+pub struct Closed {
+    distance: DistanceGrid,
+    skin: f64,
+    /// Air, skin, tissue.
+    media: [usize; 3],
+}
+
+impl Closed {
+    /// A compressed breast. Its surface is known by distances on a grid of this step (mm).
+    pub fn new(
+        surface: &TriMesh,
+        step_mm: f64,
+        skin_mm: f64,
+        media: [usize; 3],
+    ) -> Result<Self, RasterError> {
+        let distance = DistanceGrid::of(surface, step_mm)?;
+        Ok(Self { distance, skin: skin_mm, media })
+    }
+}
+
+impl Body for Closed {
+    fn bounds(&self) -> Bounds {
+        self.distance.bounds()
+    }
+
+    fn media(&self) -> &[usize] {
+        &self.media
+    }
+
+    fn medium(&self, point: &Vec3) -> usize {
+        let depth = self.distance.depth(point, self.skin);
+        if depth < 0.0 {
+            self.media[0]
+        } else if depth < self.skin {
+            self.media[1]
+        } else {
+            self.media[2]
+        }
+    }
+}
