@@ -42,7 +42,7 @@ fn tg195(spectrum: Spectrum, photons: u64) -> Tally {
     let media = Media::new(materials.to_vec()).unwrap();
     let scene = Scene::new(media, 0, world, body, &blocks).unwrap();
     let position = Vec3::new(0.0, 0.0, 660.0);
-    let source = Source { position, x: wide, y: [0.0, 140.0], z: 0.0, spectrum };
+    let source = Source { position, x: wide, y: [0.0, 140.0], z: 0.0, spectrum, window: None };
     let volume = |x: f64, y: f64, z: f64| {
         Bounds::of([x - 10.0, x + 10.0], [y - 10.0, y + 10.0], [z - 5.0, z + 5.0])
     };
@@ -59,8 +59,8 @@ fn tg195(spectrum: Spectrum, photons: u64) -> Tally {
     transport(&scene, &source, &scoring, None, Histories { photons, seed: 1 }).unwrap()
 }
 
-/// Compares with the table; `boxes` is what a box may be off beside three standard errors.
-fn compare_with_tg195(photons: u64, boxes: f64) {
+/// Compares with the table. Boxes may be off by 3 % and this many standard errors.
+fn compare_with_tg195(photons: u64, errors: f64) {
     let tube = Spectrum::of_tube("Mo/Mo (TG-195)", 30).unwrap();
     for (beam, spectrum) in [("16.8keV", Spectrum::mono(16.8)), ("30kVp_MoMo", tube)] {
         let tally = tg195(spectrum, photons);
@@ -81,7 +81,7 @@ fn compare_with_tg195(photons: u64, boxes: f64) {
                 assert!(got.relative_error() <= 0.003, "{got:?}");
                 assert!(off.abs() < 0.01, "{beam} {}: {off}", row[2]);
             } else {
-                let sure = boxes + 3.0 * got.relative_error();
+                let sure = 0.03 + errors * got.relative_error();
                 assert!(off.abs() < sure, "{beam} {}: {off}", row[2]);
             }
         }
@@ -94,14 +94,14 @@ fn compare_with_tg195(photons: u64, boxes: f64) {
 
 #[test]
 fn tg195_case_3_short() {
-    compare_with_tg195(2_000_000, 0.03);
+    compare_with_tg195(2_000_000, 3.0);
 }
 
-/// 3 % on all boxes, standard error included.
+/// Box 6 at 16.8 keV is 2.9 ± 0.6 % above the report; an independent program has 2.6 ± 0.9 %.
 #[test]
 #[ignore = "a minute of two cores"]
 fn tg195_case_3_full() {
-    compare_with_tg195(60_000_000, 0.03);
+    compare_with_tg195(60_000_000, 0.0);
 }
 
 fn usual(glandularity: f64) -> Setup {
@@ -180,6 +180,7 @@ fn primary_photons_obey_beer_and_lambert() {
         y: [45.0, 55.0],
         z: -15.0,
         spectrum: Spectrum::mono(21.3),
+        window: None,
     };
     let receptor = Receptor { x: source.x, y: source.y, z: -15.0, cells: [1, 1] };
     let scoring = Scoring { boxes: vec![], receptor: Some(receptor), from_y_mm: 0.0 };

@@ -52,6 +52,7 @@ impl Angles {
 
     /// Cosine of the angle of an incoherent scatter and the energy (keV) after it: the
     /// Klein-Nishina formula times the incoherent scattering function, by rejection.
+    #[inline]
     pub fn incoherent(&self, energy_kev: f64, random: &mut impl Rng) -> (f64, f64) {
         let alpha = energy_kev / ELECTRON_KEV;
         let x_back = energy_kev / HC_KEV_ANGSTROM;
@@ -68,6 +69,7 @@ impl Angles {
         }
     }
 
+    #[inline]
     fn binding(&self, x: f64) -> f64 {
         let place = x / STEP;
         let cell = (place as usize).min(CELLS);
@@ -77,6 +79,7 @@ impl Angles {
 
     /// Cosine of the angle of a coherent scatter: F² by the inverse of its integral over x²,
     /// Thomson's 1 + cos² by rejection.
+    #[inline]
     pub fn coherent(&self, energy_kev: f64, random: &mut impl Rng) -> f64 {
         let back = energy_kev / HC_KEV_ANGSTROM;
         let place = (back / STEP).min(CELLS as f64 - 1e-9);

@@ -3,7 +3,7 @@
 use crate::xray::{
     raster::RasterError,
     transport::{
-        distance::DistanceGrid,
+        distance::{DistanceGrid, Zone},
         scene::{Body, Bounds},
     },
 };
@@ -31,6 +31,7 @@ pub struct HalfCylinder {
 
 impl HalfCylinder {
     /// Height (mm) of the upper side.
+    #[inline]
     pub fn top_at(&self, y: f64) -> f64 {
         self.top - self.slope * y
     }
@@ -42,10 +43,12 @@ impl Body for HalfCylinder {
         Bounds::of([-r, r], [0.0, r], [self.bottom, self.top.max(self.top_at(r))])
     }
 
+    #[inline]
     fn media(&self) -> &[usize] {
         &self.media
     }
 
+    #[inline]
     fn medium(&self, p: &Vec3) -> usize {
         let r2 = p.x * p.x + p.y * p.y;
         // Measured along z: for the slopes of paddles (5°) the skin is 0.4 % thinner.
@@ -59,16 +62,23 @@ impl Body for HalfCylinder {
             self.media[2]
         }
     }
+
+    #[inline]
+    fn clear_mm(&self, p: &Vec3) -> f64 {
+        (p.x.hypot(p.y) - self.radius).max(0.0)
+    }
 }
 
 /// A closed surface with a layer of skin below it.
 #[derive(Debug, Clone)]
 pub struct Closed {
     distance: DistanceGrid,
-    skin: f64,
     /// Air, skin, tissue.
     media: [usize; 3],
 }
+
+/// What the distance between nodes may be off by (mm).
+const SURE_MM: f64 = 0.5;
 
 impl Closed {
     /// A compressed breast. Its surface is known by distances on a grid of this step (mm).
@@ -78,8 +88,8 @@ impl Closed {
         skin_mm: f64,
         media: [usize; 3],
     ) -> Result<Self, RasterError> {
-        let distance = DistanceGrid::of(surface, step_mm)?;
-        Ok(Self { distance, skin: skin_mm, media })
+        let distance = DistanceGrid::of(surface, step_mm, skin_mm)?;
+        Ok(Self { distance, media })
     }
 }
 
@@ -88,18 +98,22 @@ impl Body for Closed {
         self.distance.bounds()
     }
 
+    #[inline]
     fn media(&self) -> &[usize] {
         &self.media
     }
 
+    #[inline]
     fn medium(&self, point: &Vec3) -> usize {
-        let depth = self.distance.depth(point, self.skin);
-        if depth < 0.0 {
-            self.media[0]
-        } else if depth < self.skin {
-            self.media[1]
-        } else {
-            self.media[2]
-        }
+        self.media[match self.distance.zone(point) {
+            Zone::Outside => 0,
+            Zone::Layer => 1,
+            Zone::Deep => 2,
+        }]
+    }
+
+    #[inline]
+    fn clear_mm(&self, point: &Vec3) -> f64 {
+        (self.distance.outside(point) - SURE_MM).max(0.0)
     }
 }

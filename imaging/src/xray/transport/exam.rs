@@ -9,7 +9,7 @@ use crate::xray::{
         media::Media,
         photon::{Histories, transport},
         scene::{Block, Body, Bounds, Scene, SceneError},
-        source::{Source, SourceError},
+        source::{Source, SourceError, Window},
         tally::{Estimate, Image, Receptor, Scoring, Tally},
     },
 };
@@ -21,10 +21,12 @@ pub const MEDIA: [usize; 3] = [0, 1, 2];
 const PLATE: usize = 3;
 /// Where along y (mm) the incident air kerma is reckoned: Dance (1990) has it 40 mm from the wall.
 const KERMA_AT_MM: f64 = 40.0;
-/// Around the shadow of the breast (mm) photons are emitted as well, for the paddle's scatter.
-const MARGIN_MM: f64 = 10.0;
+/// Cells (mm) of the field that are lit or not.
+const CELL_MM: f64 = 4.0;
+/// Cells around the shadow of the breast that are lit as well, for the paddle's scatter.
+const MARGIN_CELLS: usize = 2;
 /// Lattice (mm) that the volume of tissue is counted on.
-const LATTICE_MM: f64 = 0.5;
+const LATTICE_MM: f64 = 1.0;
 
 /// Why there is no dose and no scatter.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -146,7 +148,7 @@ pub fn examine<B: Body>(
     if !(top + setup.paddle_mm < height) {
         return Err(ExamError::AboveSource(top));
     }
-    let source = aimed(&detector, &around).ok_or(ExamError::NoGland)?;
+    let source = aimed(&detector, &body).ok_or(ExamError::NoGland)?;
     let mut blocks = Vec::new();
     if setup.paddle_mm > 0.0 {
         let bounds = Bounds::of(detector.x, detector.y, [top, top + setup.paddle_mm]);
@@ -181,19 +183,32 @@ pub fn examine<B: Body>(
     })
 }
 
-/// The part of the field that holds the shadow of a box and [`MARGIN_MM`] around it: photons beside
-/// it would only reach the breast by way of air or paddle. `None`: no shadow in the field.
-fn aimed(detector: &Source, around: &Bounds) -> Option<Source> {
+/// Lights the shadow of a body and [`MARGIN_CELLS`] around it: photons beside it would only reach
+/// the breast by way of air or paddle. `None`: no shadow in the field.
+fn aimed<B: Body>(detector: &Source, body: &B) -> Option<Source> {
     let height = detector.position.z;
-    let shadow = |axis: usize, field: [f64; 2]| {
-        let ends = [around.low[axis], around.high[axis]]
-            .map(|at| [around.low.z, around.high.z].map(|z| at * height / (height - z)));
-        let low = ends[0][0].min(ends[0][1]) - MARGIN_MM;
-        let high = ends[1][0].max(ends[1][1]) + MARGIN_MM;
-        let range = [low.max(field[0]), high.min(field[1])];
-        (range[0] < range[1]).then_some(range)
-    };
-    Some(Source { x: shadow(0, detector.x)?, y: shadow(1, detector.y)?, ..detector.clone() })
+    let around = body.bounds();
+    let cells =
+        [detector.x, detector.y].map(|[low, high]| ((high - low) / CELL_MM).ceil() as usize);
+    let mut lit = vec![false; cells[0] * cells[1]];
+    // Points closer than the cells, so that the shadow has no holes.
+    let size = around.high - around.low;
+    let steps = size.map(|size| (size / LATTICE_MM).ceil().max(1.0));
+    let place = |k: usize, n: usize| around.low[k] + (n as f64 + 0.5) / steps[k] * size[k];
+    for k in 0..steps.z as usize {
+        for j in 0..steps.y as usize {
+            for i in 0..steps.x as usize {
+                let point = Vec3::new(place(0, i), place(1, j), place(2, k));
+                let scale = height / (height - point.z);
+                let cell = detector.cell(cells, point.x * scale, point.y * scale);
+                if let Some(cell) = cell.filter(|&cell| !lit[cell]) {
+                    lit[cell] = body.medium(&point) != MEDIA[0];
+                }
+            }
+        }
+    }
+    let window = Window { cells, lit }.widened(MARGIN_CELLS);
+    Source { window: Some(window), ..detector.clone() }.cropped()
 }
 
 /// Incident air kerma (mGy) of one photon emitted into the field.

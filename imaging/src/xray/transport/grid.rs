@@ -71,6 +71,7 @@ impl Grid {
     }
 
     /// Share of photons that pass, at the place where they were last, in this direction.
+    #[inline]
     pub fn transmission(&self, at: &Vec3, direction: &Vec3, energy_kev: f64) -> f64 {
         // Strips at x lean as the ray from the focus does.
         let lean = (at.x - self.focus.x) / (at.z - self.focus.z);
@@ -88,7 +89,7 @@ impl Grid {
         let across = a + (level - n as f64) * (b - a);
         // Along the strips the way is longer by the slant, in lead and between alike.
         let slant = (1.0 + (direction.y / direction.z).powi(2)).sqrt();
-        across.powf(slant)
+        (slant * across.ln()).exp()
     }
 }
 

@@ -8,6 +8,8 @@ use crate::xray::{
 /// Lowest energy (keV): the first of the table of coefficients. What falls below it is absorbed
 /// where it is.
 pub const CUTOFF_KEV: f64 = 5.0;
+/// Materials that a scene may have.
+pub const MAX_MEDIA: usize = 8;
 /// Highest energy (keV).
 const TOP_KEV: f64 = 50.0;
 /// Nodes per keV: linear between them is off by at most 5e-5 (at 5 keV; 1e-5 above 12 keV).
@@ -77,6 +79,7 @@ impl Media {
     }
 
     /// Angles of scatter in a material.
+    #[inline]
     pub fn angles(&self, medium: usize) -> &Angles {
         &self.angles[medium]
     }
@@ -87,6 +90,7 @@ impl Media {
     }
 
     /// Place of an energy (keV) that the table covers.
+    #[inline]
     pub fn at(&self, energy_kev: f64) -> At {
         let place = (energy_kev - CUTOFF_KEV) * PER_KEV;
         let count = self.nodes.len() / self.materials.len();
@@ -94,6 +98,7 @@ impl Media {
         At { first: first * self.materials.len(), part: (place - first as f64) as f32 }
     }
 
+    #[inline]
     fn mix(&self, at: At, medium: usize, of: impl Fn(&Node) -> f32) -> f64 {
         let low = of(&self.nodes[at.first + medium]);
         let high = of(&self.nodes[at.first + medium + self.materials.len()]);
@@ -101,21 +106,25 @@ impl Media {
     }
 
     /// Attenuation (1/mm).
+    #[inline]
     pub fn total(&self, at: At, medium: usize) -> f64 {
         self.mix(at, medium, |n| n.total)
     }
 
     /// Energy transfer (1/mm).
+    #[inline]
     pub fn transfer(&self, at: At, medium: usize) -> f64 {
         self.mix(at, medium, |n| n.transfer)
     }
 
     /// Share of an absorbed energy that gland gets.
+    #[inline]
     pub fn gland(&self, at: At, medium: usize) -> f64 {
         self.mix(at, medium, |n| n.gland)
     }
 
     /// What a collision is, by a random number of 0..1.
+    #[inline]
     pub fn event(&self, at: At, medium: usize, random: f64) -> Event {
         if random < self.mix(at, medium, |n| n.photo) {
             Event::Photoelectric

@@ -2,7 +2,7 @@
 
 use crate::xray::transport::{
     grid::Grid,
-    media::{At, CUTOFF_KEV, Event},
+    media::{At, CUTOFF_KEV, Event, MAX_MEDIA},
     scene::{Body, Place, Scene},
     source::{Emitter, Source, SourceError},
     tally::{Batch, Receptor, Scoring, Tally},
@@ -93,9 +93,9 @@ impl<B: Body> Run<'_, B> {
             let at = media.at(photon.energy_kev);
             let (medium, in_body) = loop {
                 let ahead = self.scene.ahead(&photon.at, &inverse);
-                let caught = self.caught(&photon, &inverse);
-                let stop = caught.map_or(f64::INFINITY, |c| c.0);
                 if ahead.entry > 0.0 {
+                    let caught = self.caught(&photon, &inverse);
+                    let stop = caught.map_or(f64::INFINITY, |c| c.0);
                     let open = ahead.entry.min(stop);
                     if collides(&mut photon, media.total(at, *air), open, random) {
                         break (*air, false);
@@ -157,6 +157,7 @@ impl<B: Body> Run<'_, B> {
     }
 
     /// Distance (mm) to the receptor and its cell, if the photon flies towards it.
+    #[inline]
     fn caught(&self, photon: &Photon, inverse: &Vec3) -> Option<(f64, usize)> {
         let receptor: &Receptor = self.scoring.receptor.as_ref()?;
         let distance = (receptor.z - photon.at.z) * inverse.z;
@@ -183,6 +184,7 @@ impl<B: Body> Run<'_, B> {
     }
 
     /// Flies through the box of the body, at most a length (mm): the material of the collision.
+    #[inline]
     fn search(
         &self,
         photon: &mut Photon,
@@ -192,7 +194,12 @@ impl<B: Body> Run<'_, B> {
         batch: &mut Batch,
     ) -> Option<usize> {
         let Scene { media, body, air, .. } = self.scene;
-        let largest = body.media().iter().map(|&m| media.total(at, m)).fold(0.0, f64::max);
+        let mut totals = [0.0; MAX_MEDIA];
+        let mut largest = 0.0;
+        for &medium in body.media() {
+            totals[medium] = media.total(at, medium);
+            largest = f64::max(largest, totals[medium]);
+        }
         let (start, mut flown) = (photon.at, 0.0);
         loop {
             let step: f64 = Exp1.sample(random);
@@ -212,14 +219,28 @@ impl<B: Body> Run<'_, B> {
                     *sum += photon.energy_kev * media.transfer(at, medium) / largest;
                 }
             }
-            if random.random::<f64>() * largest < media.total(at, medium) {
+            if random.random::<f64>() * largest < totals[medium] {
                 return Some(medium);
+            }
+            if medium == *air {
+                // Nothing but air around: one flight through it instead of many steps.
+                let clear = body.clear_mm(&photon.at).min(length - flown);
+                if clear * largest > 1.0 {
+                    let depth: f64 = Exp1.sample(random);
+                    let free = depth / totals[*air];
+                    flown += free.min(clear);
+                    photon.at = start + flown * photon.direction;
+                    if free < clear {
+                        return Some(*air);
+                    }
+                }
             }
         }
     }
 }
 
 /// Flies through one material, at most a length (mm); whether it ends in a collision.
+#[inline]
 fn collides(photon: &mut Photon, mu: f64, length: f64, random: &mut ChaCha8Rng) -> bool {
     let depth: f64 = Exp1.sample(random);
     let free = depth / mu;
@@ -228,6 +249,7 @@ fn collides(photon: &mut Photon, mu: f64, length: f64, random: &mut ChaCha8Rng) 
 }
 
 /// A direction at an angle to another, turned at random about it.
+#[inline]
 fn turned(direction: &Vec3, cosine: f64, random: &mut ChaCha8Rng) -> Vec3 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
     let (s, c) = (TAU * random.random::<f64>()).sin_cos();

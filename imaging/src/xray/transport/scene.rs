@@ -1,10 +1,14 @@
 //! What photons fly through: homogeneous boxes and one breast, in air.
 
-use crate::xray::transport::media::Media;
+use crate::xray::transport::media::{MAX_MEDIA, Media};
 use mammotwin_data::Vec3;
+use rayon::prelude::*;
 
 /// Photons closer than this (mm) to the far side of a box have left it.
 const TOUCH_MM: f64 = 1e-7;
+
+/// Multiples of the three fill the unit cube evenly (powers of 1/g with g⁴ = g + 1).
+const SPREAD: [f64; 3] = [0.819_172_513_4, 0.671_043_606_7, 0.549_700_477_9];
 
 /// A box along the axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,11 +26,13 @@ impl Bounds {
     }
 
     /// Whether a point lies in the box.
+    #[inline]
     pub fn contains(&self, p: &Vec3) -> bool {
         (0..3).all(|k| self.low[k] <= p[k] && p[k] <= self.high[k])
     }
 
     /// Distances (mm) at which a ray enters and leaves; the first is larger when it misses.
+    #[inline]
     pub fn cross(&self, from: &Vec3, inverse: &Vec3) -> [f64; 2] {
         let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
         for k in 0..3 {
@@ -64,6 +70,11 @@ pub trait Body: Sync {
 
     /// Material at a point of the box.
     fn medium(&self, point: &Vec3) -> usize;
+
+    /// Radius (mm) around a point in which there is nothing but air.
+    fn clear_mm(&self, _: &Vec3) -> f64 {
+        0.0
+    }
 }
 
 /// Why a scene is none.
@@ -77,6 +88,9 @@ pub enum SceneError {
         /// Another.
         second: Bounds,
     },
+    /// More materials than there is room for.
+    #[error("{0} materials; a scene has at most {MAX_MEDIA}")]
+    TooMany(usize),
     /// An index without a material.
     #[error("medium {medium} of {count} is not there")]
     Medium {
@@ -139,6 +153,9 @@ impl<B: Body> Scene<B> {
         }
         let count = media.materials().len();
         let all = blocks.iter().map(|block| block.medium).chain([air]);
+        if count > MAX_MEDIA {
+            return Err(SceneError::TooMany(count));
+        }
         if let Some(medium) = all.chain(body.media().iter().copied()).find(|&m| m >= count) {
             return Err(SceneError::Medium { medium, count });
         }
@@ -146,6 +163,7 @@ impl<B: Body> Scene<B> {
         Ok(Self { media, air, world, body, boxes, media_of })
     }
 
+    #[inline]
     pub(crate) fn ahead(&self, from: &Vec3, inverse: &Vec3) -> Ahead {
         let end = self.world.cross(from, inverse)[1];
         let mut ahead = Ahead { entry: end, exit: end, place: None };
@@ -159,27 +177,34 @@ impl<B: Body> Scene<B> {
         ahead
     }
 
-    /// Volume (mm³) of each material in the body where `counts` holds, by a lattice of points.
-    pub fn volumes_mm3(&self, step_mm: f64, counts: impl Fn(&Vec3) -> bool) -> Vec<f64> {
+    /// Volume (mm³) of each material in the body where `counts` holds, by one point in each cell
+    /// of a grid. It lies elsewhere in each cell, so that no side of the body is missed or met by
+    /// a whole layer at once.
+    pub fn volumes_mm3(&self, step_mm: f64, counts: impl Fn(&Vec3) -> bool + Sync) -> Vec<f64> {
         let bounds = self.body.bounds();
-        let steps = [0, 1, 2].map(|k| {
-            let length = bounds.high[k] - bounds.low[k];
-            let count = (length / step_mm).ceil().max(1.0);
-            (count as usize, length / count)
-        });
-        let place = |k: usize, n: usize| bounds.low[k] + (n as f64 + 0.5) * steps[k].1;
-        let mut found = vec![0u64; self.media.materials().len()];
-        for k in 0..steps[2].0 {
-            for j in 0..steps[1].0 {
-                for i in 0..steps[0].0 {
-                    let point = Vec3::new(place(0, i), place(1, j), place(2, k));
+        let size = bounds.high - bounds.low;
+        let count = [0, 1, 2].map(|k| (size[k] / step_mm).ceil().max(1.0) as usize);
+        let step = Vec3::from_fn(|k, _| size[k] / count[k] as f64);
+        let row = |j: usize| {
+            let mut found = [0u64; MAX_MEDIA];
+            for i in 0..count[0] {
+                for k in 0..count[2] {
+                    let number = ((j * count[0] + i) * count[2] + k) as f64;
+                    let cell = [i, j, k];
+                    let at = |a: usize| cell[a] as f64 + (SPREAD[a] * number).fract();
+                    let point = bounds.low + Vec3::from_fn(|a, _| at(a) * step[a]);
                     if counts(&point) {
                         found[self.body.medium(&point)] += 1;
                     }
                 }
             }
-        }
-        let cell = steps[0].1 * steps[1].1 * steps[2].1;
-        found.iter().map(|&n| n as f64 * cell).collect()
+            found
+        };
+        let add = |mut a: [u64; MAX_MEDIA], b: [u64; MAX_MEDIA]| {
+            a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+            a
+        };
+        let found = (0..count[1]).into_par_iter().map(row).reduce(|| [0; MAX_MEDIA], add);
+        found.iter().map(|&n| n as f64 * step.x * step.y * step.z).collect()
     }
 }

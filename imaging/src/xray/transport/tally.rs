@@ -48,6 +48,7 @@ pub struct Receptor {
 
 impl Receptor {
     /// Cell at a place (mm), along x first; `None` beside the receptor.
+    #[inline]
     pub fn cell(&self, x: f64, y: f64) -> Option<usize> {
         let place = |at: f64, [low, high]: [f64; 2], count: usize| {
             let place = (at - low) / (high - low) * count as f64;
