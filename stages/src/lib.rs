@@ -12,6 +12,7 @@ pub mod deliver;
 pub mod mammogram;
 pub mod mesh;
 pub mod model;
+pub mod monte_carlo;
 pub mod phantom;
 pub mod pictures;
 pub mod pose;

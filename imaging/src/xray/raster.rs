@@ -31,6 +31,9 @@ pub enum RasterError {
         /// Directed edges without an opposite one.
         edges: usize,
     },
+    /// No triangle, or none where one looks.
+    #[error("the surface has nothing inside of the box that is looked at")]
+    Empty,
     /// A vertex at or above the source, or not finite, or much too far away.
     #[error(
         "vertex at ({}, {}, {}) mm cannot be seen from a source {source_height_mm} mm above the \

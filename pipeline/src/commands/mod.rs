@@ -1,6 +1,7 @@
 //! One function for each command.
 
 pub mod check;
+pub mod dose;
 pub mod explain;
 pub mod inspect;
 pub mod keep;
@@ -9,7 +10,7 @@ pub mod score;
 pub mod status;
 pub mod synth;
 
-use crate::cli::{Arguments, Command, StudyArguments};
+use crate::cli::{Arguments, Command, StudyArguments, StudyCommand};
 use mammotwin_data::{
     Failure,
     store::Store,
@@ -38,6 +39,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Verify(arguments) => keep::verify(arguments),
         Command::Gc(arguments) => keep::gc(arguments),
         Command::Inspect(arguments) => inspect::inspect(arguments),
+        Command::Study(StudyCommand::Dose(arguments)) => dose::dose(arguments),
     }
 }
 

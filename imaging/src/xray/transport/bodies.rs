@@ -88,7 +88,20 @@ impl Closed {
         skin_mm: f64,
         media: [usize; 3],
     ) -> Result<Self, RasterError> {
-        let distance = DistanceGrid::of(surface, step_mm, skin_mm)?;
+        let distance = DistanceGrid::of(surface, None, step_mm, skin_mm)?;
+        Ok(Self { distance, media })
+    }
+
+    /// The part of a surface that lies in a box: a breast without the body behind it, whose end has
+    /// no skin.
+    pub fn part(
+        surface: &TriMesh,
+        part: Bounds,
+        step_mm: f64,
+        skin_mm: f64,
+        media: [usize; 3],
+    ) -> Result<Self, RasterError> {
+        let distance = DistanceGrid::of(surface, Some(part), step_mm, skin_mm)?;
         Ok(Self { distance, media })
     }
 }

@@ -50,26 +50,40 @@ enum Kind {
 }
 
 impl DistanceGrid {
-    /// Distances on cells of at most this step (mm) in the box around the surface, and a layer of
-    /// this thickness (mm) below it.
+    /// Distances on cells of at most this step (mm) in the box around the surface, or the part of it
+    /// that lies in another box, and a layer of this thickness (mm) below the surface.
     ///
     /// Between the nodes the error is about step² / 8 over the radius of curvature; edges sharper
     /// than a cell are rounded.
-    pub fn of(surface: &TriMesh, step_mm: f64, layer_mm: f64) -> Result<Self, RasterError> {
+    pub fn of(
+        surface: &TriMesh,
+        part: Option<Bounds>,
+        step_mm: f64,
+        layer_mm: f64,
+    ) -> Result<Self, RasterError> {
         let edges = open_edges(surface);
-        if edges > 0 || surface.triangles.is_empty() {
+        if edges > 0 {
             return Err(RasterError::Open { edges });
+        }
+        if surface.triangles.is_empty() {
+            return Err(RasterError::Empty);
         }
         let (surface, _) = surface.compacted();
         let first = surface.points[0];
-        let low = surface.points.iter().fold(first, |low, p| low.inf(p));
-        let high = surface.points.iter().fold(first, |high, p| high.sup(p));
+        let mut low = surface.points.iter().fold(first, |low, p| low.inf(p));
+        let mut high = surface.points.iter().fold(first, |high, p| high.sup(p));
+        if let Some(part) = part {
+            (low, high) = (low.sup(&part.low), high.inf(&part.high));
+        }
+        if (0..3).any(|k| !(low[k] < high[k])) {
+            return Err(RasterError::Empty);
+        }
         let bounds = Bounds { low, high };
         let cells = [0, 1, 2].map(|k| ((high[k] - low[k]) / step_mm).ceil().max(1.0) as usize);
         let size = Vec3::from_fn(|k, _| (high[k] - low[k]) / cells[k] as f64);
         let vertices = surface.points.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
         let shape = Shape::with_flags(vertices, surface.triangles.clone(), TriMeshFlags::ORIENTED)
-            .map_err(|_| RasterError::Open { edges: 0 })?;
+            .map_err(|_| RasterError::Empty)?;
         let [nx, ny, nz] = cells.map(|n| n + 1);
         let depth: Vec<f32> = (0..nx * ny * nz)
             .into_par_iter()
@@ -173,7 +187,7 @@ mod tests {
         let center = Vec3::new(10.0, 50.0, 30.0);
         let ball = sphere(5);
         let points = ball.points.iter().map(|p| center + 25.0 * p).collect();
-        let grid = DistanceGrid::of(&TriMesh { points, ..ball }, 2.0, 2.0).unwrap();
+        let grid = DistanceGrid::of(&TriMesh { points, ..ball }, None, 2.0, 2.0).unwrap();
         for n in 0..4000 {
             let t = f64::from(n);
             let direction = Vec3::new(t.sin(), (1.7 * t).cos(), (0.3 * t).sin()).normalize();
@@ -200,13 +214,13 @@ mod tests {
     #[test]
     fn flat_sides_are_exact_and_open_surfaces_refused() {
         let mut block = cuboid([-30.0, 0.0, 0.0], [30.0, 50.0, 46.0]);
-        let grid = DistanceGrid::of(&block, 2.0, 1.5).unwrap();
+        let grid = DistanceGrid::of(&block, None, 2.0, 1.5).unwrap();
         for z in [0.0, 0.7, 1.49, 1.51, 1.9, 2.1, 44.3, 44.6, 46.0] {
             let depth = f64::min(z, 46.0 - z);
             let zone = grid.zone(&Vec3::new(3.3, 20.1, z));
             assert_eq!(zone, if depth < 1.5 { Zone::Layer } else { Zone::Deep }, "{z}");
         }
         block.triangles.pop();
-        assert!(matches!(DistanceGrid::of(&block, 2.0, 1.5), Err(RasterError::Open { .. })));
+        assert!(matches!(DistanceGrid::of(&block, None, 2.0, 1.5), Err(RasterError::Open { .. })));
     }
 }

@@ -58,7 +58,10 @@ pub struct Setup {
     pub paddle_mm: f64,
     /// Distance (mm) from the lower side of the breast to the plane where photons are caught.
     pub gap_mm: f64,
-    /// Skin and what its layer is made of.
+    /// Height (mm) that the incident air kerma is reckoned at: the nominal thickness; the upper side
+    /// of the breast's box when absent.
+    pub kerma_height_mm: Option<f64>,
+    /// What the skin is made of.
     pub skin: Material,
     /// Tissue.
     pub tissue: Material,
@@ -76,6 +79,7 @@ impl Setup {
         Ok(Self {
             paddle_mm: 2.5,
             gap_mm: 15.0,
+            kerma_height_mm: None,
             skin: Material::named("skin_hammerstein")?,
             tissue: Material::breast(glandularity)?,
             grid: true,
@@ -128,8 +132,7 @@ impl Exam {
 /// height of the focal spot is measured.
 ///
 /// Gland counts in front of the edge of the detector (y > 0). The incident air kerma is that of
-/// photons straight from the focal spot, behind the paddle, at the height of the paddle's lower
-/// side, 40 mm from the edge.
+/// photons straight from the focal spot, behind the paddle, 40 mm from the edge.
 pub fn examine<B: Body>(
     body: B,
     setup: &Setup,
@@ -173,7 +176,8 @@ pub fn examine<B: Body>(
         if setup.grid { Some(Grid::new(&GridPlan::linear(source.position)?)?) } else { None };
     let scoring = Scoring { boxes: vec![], receptor, from_y_mm: 0.0 };
     let tally = transport(&scene, &source, &scoring, grid.as_ref(), histories)?;
-    let kerma = kerma_per_photon(&source, setup.paddle_mm, top)?;
+    let kerma_height = setup.kerma_height_mm.unwrap_or(top);
+    let kerma = kerma_per_photon(&source, setup.paddle_mm, kerma_height)?;
     Ok(Exam {
         dose_per_kerma: tally.gland.times(MGY_PER_KEV_PER_G / gland_g / kerma),
         gland_g,

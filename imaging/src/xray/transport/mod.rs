@@ -17,4 +17,5 @@ pub mod media;
 pub mod photon;
 pub mod scene;
 pub mod source;
+pub mod study;
 pub mod tally;
