@@ -56,6 +56,31 @@ pub enum Command {
     /// What a file holds: NIfTI image or labels, landmarks, results
     #[command(after_help = "Example:\n  mammotwin inspect prone.nii.gz --json")]
     Inspect(InspectArguments),
+    /// Studies of the models themselves
+    #[command(subcommand)]
+    Study(StudyCommand),
+}
+
+/// A study of a model.
+#[derive(Debug, Subcommand)]
+pub enum StudyCommand {
+    /// Dance's dose against Monte Carlo under a tilted paddle: table, chart, fitted correction
+    #[command(after_help = "Example:\n  mammotwin study dose --out runs/dose --photons 400000")]
+    Dose(DoseArguments),
+}
+
+/// The study of dose.
+#[derive(Debug, Clone, Args)]
+pub struct DoseArguments {
+    /// Folder to write to; must not hold an earlier study
+    #[arg(long, value_name = "DIR", default_value = "runs/dose")]
+    pub out: PathBuf,
+    /// Photons for each breast; standard error of its dose: 0.3 % with 400000
+    #[arg(long, value_name = "N", default_value_t = 400_000)]
+    pub photons: u64,
+    /// Seed of the photons
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
 }
 
 const CHECK_HELP: &str = "\

@@ -17,6 +17,7 @@ use mammotwin_stages::{
     discover::{Discover, Discovery},
     mammogram::{Mammogram, Mammograms},
     mesh::{BreastMesh, Mesh},
+    monte_carlo::MonteCarlo,
     phantom::{CompressedPhantom, Phantom},
     pictures::{Pictures, PosePictures},
     quality::{Metrics, Quality},
@@ -292,13 +293,18 @@ fn squeeze(
     let compress = Compress { model: study.model.clone(), plan: plan.clone() };
     let compression = run.stage("", &compress, (&outcome.mesh, &outcome.calibration))?;
     outcome.metrics.push(run.stage("", &Comfort, &compression)?);
-    if let Some(MammogramPlan { energy_kev, exposure, pixel_mm, .. }) = study.mammogram {
+    if let Some(MammogramPlan { energy_kev, exposure, pixel_mm, monte_carlo, .. }) = study.mammogram
+    {
         let phantom = Phantom { plan: study.mammogram.clone().unwrap_or_default(), seed: SEED };
         let phantom = run.stage("", &phantom, &compression)?;
         let mammogram = Mammogram { energy_kev, pixel_mm, exposure, seed: SEED };
         let mammograms = run.stage("", &mammogram, &phantom)?;
         let quality = Quality { energy_kev, pixel_mm };
         outcome.metrics.push(run.stage("", &quality, (&phantom, &mammograms))?);
+        if let Some(plan) = monte_carlo {
+            let transport = MonteCarlo { plan, energy_kev, pixel_mm, seed: SEED };
+            outcome.metrics.push(run.stage("", &transport, (&phantom, &mammograms))?);
+        }
         outcome.phantom = Some(phantom);
         outcome.mammograms = Some(mammograms);
     }

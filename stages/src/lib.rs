@@ -14,6 +14,7 @@ pub mod effects;
 pub mod mammogram;
 pub mod mesh;
 pub mod model;
+pub mod monte_carlo;
 pub mod phantom;
 pub mod pictures;
 pub mod pose;

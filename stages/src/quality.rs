@@ -14,7 +14,7 @@ use mammotwin_data::{
 use mammotwin_imaging::xray::{
     calibration::Unit,
     dose::average_glandular_dose,
-    quality::{RoiQuality, quality, summary},
+    quality::{RoiQuality, detectability, quality, summary},
 };
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -54,7 +54,7 @@ const THESIS_AGD_MGY: f64 = 1.20;
 
 impl Stage for Quality {
     const NAME: &'static str = "quality";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "Signal-to-noise and signal-difference-to-noise ratios are those of Mîra (2018, \
          eqs. 5.1-5.5) in squares of 1 cm, as printed and with the plane of the background removed. \
          Average glandular dose is K g c s (Dance, Phys. Med. Biol. 45 (2000) 3225).";
@@ -88,6 +88,12 @@ impl Stage for Quality {
             add("snr_detrended", "SNR, plane removed", &|r| r.detrended.snr, None);
             add("sdnr", "SDNR as printed", &|r| r.printed.sdnr, thesis.map(|t| t.1));
             add("sdnr_detrended", "SDNR, plane removed", &|r| r.detrended.sdnr, None);
+            if let Some(index) = detectability(&regions) {
+                let long = format!("detectability index d', {um} µm, {} regions", regions.len());
+                let source = "observer who knows signal and white noise (Barrett and Myers 2004)";
+                let name = format!("detectability_{um}um");
+                metrics.push(Metric::new(&name, &long, "", index, source));
+            }
         }
         if let Some(technique) = mammograms.techniques.first() {
             let kerma = technique.kerma_mgy;

@@ -428,6 +428,8 @@ pub struct MammogramPlan {
     pub glandularity: f64,
     /// The matrix of microcalcifications.
     pub calcifications: CalcificationPlan,
+    /// Dose and scatter by Monte Carlo; not computed when absent.
+    pub monte_carlo: Option<MonteCarloPlan>,
 }
 
 impl Default for MammogramPlan {
@@ -438,7 +440,22 @@ impl Default for MammogramPlan {
             pixel_mm: 0.1,
             glandularity: 0.2,
             calcifications: CalcificationPlan::default(),
+            monte_carlo: None,
         }
+    }
+}
+
+/// Photon transport through the compressed breast.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MonteCarloPlan {
+    /// Photons to follow.
+    pub photons: u64,
+}
+
+impl Default for MonteCarloPlan {
+    fn default() -> Self {
+        Self { photons: 1_000_000 }
     }
 }
 

@@ -214,6 +214,10 @@ fn mammogram(plan: &MammogramPlan) -> Checked {
     within("mammogram.energy_kev", plan.energy_kev, 5.0, 150.0)?;
     within("mammogram.pixel_mm", plan.pixel_mm, 0.01, 5.0)?;
     within("mammogram.glandularity", plan.glandularity, 0.0, 1.0)?;
+    if let Some(monte_carlo) = plan.monte_carlo {
+        let photons = monte_carlo.photons as f64;
+        within("mammogram.monte_carlo.photons", photons, 1000.0, 1e10)?;
+    }
     let matrix = &plan.calcifications;
     for (key, count) in [("rows", matrix.rows), ("columns", matrix.columns)] {
         within(&format!("mammogram.calcifications.{key}"), count as f64, 0.0, 100.0)?;

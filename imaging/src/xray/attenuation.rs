@@ -49,8 +49,8 @@ impl Material {
         if !(0.0..=1.0).contains(&glandularity) {
             return Err(AttenuationError::Glandularity(glandularity));
         }
-        let gland = Self::named("glandular_hammerstein")?;
-        let fat = Self::named("adipose_hammerstein")?;
+        let gland = Self::named(GLAND)?;
+        let fat = Self::named(FAT)?;
         let volume =
             glandularity / gland.density_g_per_cm3 + (1.0 - glandularity) / fat.density_g_per_cm3;
         Ok(Self {
@@ -77,6 +77,45 @@ impl Material {
         self.mass_coefficient(energy_kev, |c| &c.transfer)
     }
 
+    /// Photoelectric, coherent and incoherent mass coefficients (cm²/g).
+    pub fn processes_cm2_per_g(&self, energy_kev: f64) -> Result<[f64; 3], AttenuationError> {
+        Ok([
+            self.mass_coefficient(energy_kev, |c| &c.photo)?,
+            self.mass_coefficient(energy_kev, |c| &c.coherent)?,
+            self.mass_coefficient(energy_kev, |c| &c.incoherent)?,
+        ])
+    }
+
+    /// Share of the energy absorbed in breast tissue that its gland gets: w µ_tr/ρ of the gland
+    /// over that of gland and fat. 0 for what is no breast tissue.
+    pub fn gland_share(&self, energy_kev: f64) -> Result<f64, AttenuationError> {
+        let of = |name: &str| -> Result<f64, AttenuationError> {
+            let fraction: f64 = self.parts.iter().filter(|p| p.0 == name).map(|p| p.1).sum();
+            let part = curve(name)?;
+            Ok(fraction * log_log(&part.energy_kev, &part.transfer, energy_kev)?)
+        };
+        let (gland, fat) = (of(GLAND)?, of(FAT)?);
+        Ok(if gland > 0.0 { gland / (gland + fat) } else { 0.0 })
+    }
+
+    /// Mass fraction of gland; 0 for what is no breast tissue.
+    pub fn glandularity(&self) -> f64 {
+        self.parts.iter().filter(|p| p.0 == GLAND).map(|p| p.1).sum()
+    }
+
+    /// Mass fractions by element, as indices of [`ELEMENTS`]. Elements beyond that list (traces in
+    /// muscle) are left out.
+    pub fn elements(&self) -> Result<Vec<(usize, f64)>, AttenuationError> {
+        let mut sum = [0.0; ELEMENTS.len()];
+        for (name, fraction) in &self.parts {
+            let curve = curve(name)?;
+            for (sum, share) in sum.iter_mut().zip(curve.elements) {
+                *sum += fraction * share;
+            }
+        }
+        Ok(sum.into_iter().enumerate().filter(|(_, share)| *share > 0.0).collect())
+    }
+
     fn mass_coefficient(
         &self,
         energy_kev: f64,
@@ -97,20 +136,46 @@ struct Curve {
     density: f64,
     energy_kev: Vec<f64>,
     total: Vec<f64>,
+    photo: Vec<f64>,
+    coherent: Vec<f64>,
+    incoherent: Vec<f64>,
     transfer: Vec<f64>,
+    /// Mass fractions of [`ELEMENTS`].
+    elements: [f64; ELEMENTS.len()],
 }
+
+/// Elements whose scatter is tabulated, in the order of the columns of form factors.
+pub const ELEMENTS: [&str; 13] =
+    ["H", "C", "N", "O", "Na", "Mg", "Al", "P", "S", "Cl", "Ar", "K", "Ca"];
+const GLAND: &str = "glandular_hammerstein";
+const FAT: &str = "adipose_hammerstein";
 
 static CURVES: LazyLock<BTreeMap<&str, Curve>> = LazyLock::new(|| {
     let number = |cell: &str| cell.parse::<f64>().expect("embedded tables hold numbers");
     let mut curves = BTreeMap::new();
+    let names: Vec<&str> = tables::header(tables::MATERIALS).collect();
+    let column = |element| names.iter().position(|name| *name == element);
+    let columns = ELEMENTS.map(|element| column(element).expect("the table has all elements"));
     for row in tables::rows(tables::MATERIALS) {
-        let (energy_kev, total, transfer) = (Vec::new(), Vec::new(), Vec::new());
-        curves.insert(row[0], Curve { density: number(row[1]), energy_kev, total, transfer });
+        let curve = Curve {
+            density: number(row[1]),
+            energy_kev: Vec::new(),
+            total: Vec::new(),
+            photo: Vec::new(),
+            coherent: Vec::new(),
+            incoherent: Vec::new(),
+            transfer: Vec::new(),
+            elements: columns.map(|column| number(row[column])),
+        };
+        curves.insert(row[0], curve);
     }
     for row in tables::rows(tables::ATTENUATION) {
         if let Some(curve) = curves.get_mut(row[0]) {
             curve.energy_kev.push(number(row[1]));
             curve.total.push(number(row[2]));
+            curve.photo.push(number(row[3]));
+            curve.coherent.push(number(row[4]));
+            curve.incoherent.push(number(row[5]));
             curve.transfer.push(number(row[6]));
         }
     }

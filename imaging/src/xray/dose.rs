@@ -79,6 +79,16 @@ pub fn average_glandular_dose(
     Ok(Dose { agd_mgy: kerma_mgy * g * c * s, kerma_mgy, g, c, s })
 }
 
+/// Thickness (mm) that a paddle which tilts or bends is given: the mean of the largest and the
+/// smallest distance of the plates over the contact area (Mîra 2018, § 5.3.3); for a rigid paddle
+/// all are alike. `None` without contact.
+pub fn nominal_thickness_mm(distances_mm: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut distances = distances_mm.into_iter();
+    let first = distances.next()?;
+    let (low, high) = distances.fold((first, first), |(l, h), d| (f64::min(l, d), f64::max(h, d)));
+    Some(0.5 * (low + high))
+}
+
 /// Kerma to dose at 50 % glandularity (no unit).
 pub fn factor_g(thickness_mm: f64, hvl_mm_al: f64) -> Result<f64, DoseError> {
     const HVL: [f64; 7] = [0.30, 0.35, 0.40, 0.45, 0.50, 0.55, 0.60];
@@ -177,6 +187,62 @@ mod tests {
         for thickness in [20.0, 57.0, 110.0] {
             assert_eq!(factor_c(thickness, 0.5, "Mo/Mo").unwrap(), 1.0);
         }
+    }
+
+    /// Every cell of every table is met at its node, and nothing between nodes leaves their range.
+    #[test]
+    fn all_nodes_of_all_tables_are_reproduced() {
+        let mut checked = 0;
+        let hvls: Vec<f64> = tables::header(tables::DANCE_G)
+            .skip(1)
+            .map(|name| name[4..8].parse().unwrap())
+            .collect();
+        assert_eq!(hvls, [0.30, 0.35, 0.40, 0.45, 0.50, 0.55, 0.60]);
+        for row in tables::rows(tables::DANCE_G) {
+            let cells = numbers(&row);
+            for (hvl, cell) in hvls.iter().zip(&cells[1..]) {
+                assert!((factor_g(cells[0], *hvl).unwrap() - cell).abs() < 1e-15);
+                checked += 1;
+            }
+        }
+        let shares: Vec<f64> = tables::header(tables::DANCE_C)
+            .skip(4)
+            .map(|name| 0.01 * name.trim_start_matches("c_").parse::<f64>().unwrap())
+            .collect();
+        for (beam, kv) in [("Mo/Mo", "28"), ("W/Rh", "28"), ("Rh/Ag", "34")] {
+            let of_beam = |row: &Vec<&str>| row[0] == beam && row[1] == kv;
+            for row in tables::rows(tables::DANCE_C).filter(of_beam) {
+                for (share, cell) in shares.iter().zip(numbers(&row[4..])) {
+                    let got = factor_c(numbers(&row[3..4])[0], *share, beam).unwrap();
+                    assert!((got - cell).abs() < 1e-14, "{beam} {row:?}");
+                    checked += 1;
+                }
+            }
+        }
+        for row in tables::rows(tables::DANCE_S) {
+            let got = factor_s(50.0, &format!("{}/{}", row[0], row[1])).unwrap();
+            assert_eq!(got, numbers(&row[2..3])[0]);
+            checked += 1;
+        }
+        assert_eq!(checked, 77 + 3 * 55 + 6);
+    }
+
+    #[test]
+    fn between_nodes_g_falls_with_thickness_and_rises_with_hardness() {
+        let g = |t: u32, h: u32| factor_g(f64::from(t), f64::from(h) / 1000.0).unwrap();
+        for thickness in 20..110 {
+            for hvl in 300..600 {
+                assert!(g(thickness, hvl) > g(thickness + 1, hvl));
+                assert!(g(thickness, hvl) < g(thickness, hvl + 1));
+            }
+        }
+    }
+
+    #[test]
+    fn a_flexed_paddle_has_the_mean_of_its_extremes() {
+        assert_eq!(nominal_thickness_mm([46.0, 48.0, 47.5, 42.0]), Some(45.0));
+        assert_eq!(nominal_thickness_mm([46.0; 3]), Some(46.0));
+        assert_eq!(nominal_thickness_mm([]), None);
     }
 
     #[test]

@@ -23,3 +23,5 @@ pub mod raster;
 #[cfg(test)]
 mod shapes;
 pub mod spectrum;
+pub mod statistics;
+pub mod transport;

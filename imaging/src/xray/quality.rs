@@ -46,6 +46,8 @@ pub struct RoiQuality {
     pub printed: NoiseQuality,
     /// Without the slope of the background.
     pub detrended: NoiseQuality,
+    /// Estimate of d'², see [`detectability`].
+    pub detectability2: f64,
 }
 
 /// Signal and contrast over noise.
@@ -57,6 +59,21 @@ pub struct NoiseQuality {
     pub sdnr: f64,
     /// Signal over noise (eq. 5.5).
     pub snr: f64,
+}
+
+/// Distance (mm) from the rim of a calcification up to which its shadow is spread.
+const HALO_MM: f64 = 0.3;
+
+/// Detectability index d' of a known calcification in a known background of white noise, for an
+/// observer who knows both (Barrett and Myers 2004, § 13.2): d'² = Σ Δsᵢ² / σ² over the pixels of
+/// its shadow. Noise adds 1 to each term on average, which is taken away; a single region scatters
+/// much, so that the mean of all regions is given. `None` without regions.
+///
+/// Pixels wider than a calcification make d' smaller than that of the same exposure on finer ones.
+/// Where light spreads noise as well ([`Noise::BeforeLight`](crate::xray::detector::Noise)) the noise
+/// is not white, and d' is that of an observer who does not know it.
+pub fn detectability(regions: &[RoiQuality]) -> Option<f64> {
+    summary(regions, |r| r.detectability2).map(|found| found.mean.max(0.0).sqrt())
 }
 
 /// Quality around each calcification of a phantom. Regions are cut at the detector's edges.
@@ -112,6 +129,14 @@ pub fn roi(
         snr: background / sigma,
     };
     let sd = |of: &dyn Fn(&Pixel) -> f64| mean(&outside, |p| of(p).powi(2)).sqrt();
+    // The shadow lies in its halo; the noise is that of what is neither.
+    let near = |p: &&Pixel| p.at[0].hypot(p.at[1]) <= radius_mm + HALO_MM;
+    let far: Vec<Pixel> = outside.iter().filter(|p| !near(p)).copied().collect();
+    let level = fit_plane(&far);
+    let rest = |p: &Pixel| p.value - level[0] - level[1] * p.at[0] - level[2] * p.at[1];
+    let white = mean(&far, |p| rest(p).powi(2));
+    let shadow = inside.iter().chain(outside.iter().filter(near));
+    let detectability2 = shadow.map(|p| rest(p).powi(2) / white - 1.0).sum();
     Ok(RoiQuality {
         site,
         center_mm,
@@ -120,6 +145,7 @@ pub fn roi(
         background,
         printed: noise(sd(&|p| p.value - background), background - calcification),
         detrended: noise(sd(&residual), -mean(&inside, residual)),
+        detectability2,
     })
 }
 
@@ -212,6 +238,27 @@ mod tests {
             assert!((noise.sdnr - 10.0).abs() < 0.3, "{noise:?}");
             assert!((noise.snr - 100.0).abs() < 2.0, "{noise:?}");
         }
+    }
+
+    /// n pixels of contrast C in noise σ: d'² = n C² / σ².
+    #[test]
+    fn detectability_has_its_closed_form() {
+        let disc = |x: f64, y: f64| x.hypot(y - 10.0) <= 0.36;
+        let level = picture(|x, y| 10_000.0 + 30.0 * y - if disc(x, y) { 150.0 } else { 0.0 });
+        let regions: Vec<RoiQuality> = (0..200)
+            .map(|seed| roi(&draw(&level, seed), SITE, [0.0, 10.0], 0.36).unwrap())
+            .collect();
+        let pixels = regions[0].pixels as f64;
+        let exact = (pixels * 150.0 * 150.0 / 10_300.0).sqrt();
+        let got = detectability(&regions).unwrap();
+        // Each d'² scatters by √(4 d'² + 2 n).
+        let error = ((4.0 * exact * exact + 300.0) / 200.0).sqrt() / (2.0 * exact);
+        assert!((got - exact).abs() < 4.0 * error + 0.01 * exact, "{got} {exact}");
+        let nothing: Vec<RoiQuality> = (0..200)
+            .map(|seed| roi(&draw(&picture(|_, _| 1e4), seed), SITE, [0.0, 10.0], 0.36).unwrap())
+            .collect();
+        assert!(detectability(&nothing).unwrap() < 2.0);
+        assert_eq!(detectability(&[]), None);
     }
 
     #[test]

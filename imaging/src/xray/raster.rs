@@ -31,6 +31,9 @@ pub enum RasterError {
         /// Directed edges without an opposite one.
         edges: usize,
     },
+    /// No triangle, or none where one looks.
+    #[error("the surface has nothing inside of the box that is looked at")]
+    Empty,
     /// A vertex at or above the source, or not finite, or much too far away.
     #[error(
         "vertex at ({}, {}, {}) mm cannot be seen from a source {source_height_mm} mm above the \
@@ -94,7 +97,7 @@ pub fn path_lengths(
 }
 
 /// Number of directed edges that no opposite one closes.
-fn open_edges(surface: &TriMesh) -> usize {
+pub(crate) fn open_edges(surface: &TriMesh) -> usize {
     let directed = |t: &[u32; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];
     let mut there: Vec<(u32, u32)> = surface.triangles.iter().flat_map(directed).collect();
     let mut back: Vec<(u32, u32)> = there.iter().map(|&(a, b)| (b, a)).collect();

@@ -2,6 +2,7 @@
 
 pub mod check;
 pub mod discover;
+pub mod dose;
 pub mod effects;
 pub mod explain;
 pub mod inspect;
@@ -11,7 +12,7 @@ pub mod score;
 pub mod status;
 pub mod synth;
 
-use crate::cli::{Arguments, Command, StudyArguments};
+use crate::cli::{Arguments, Command, StudyArguments, StudyCommand};
 use mammotwin_data::{
     Failure,
     store::Store,
@@ -42,6 +43,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Verify(arguments) => keep::verify(arguments),
         Command::Gc(arguments) => keep::gc(arguments),
         Command::Inspect(arguments) => inspect::inspect(arguments),
+        Command::Study(StudyCommand::Dose(arguments)) => dose::dose(arguments),
     }
 }
 
