@@ -134,8 +134,8 @@ mod tests {
     fn p_values_are_those_of_scipy() {
         let a = [82.9, 126.9, 137.2, 44.1, 99.5, 101.3, 88.8, 73.0];
         let b = [83.7, 137.2, 120.0, 150.1, 131.9, 140.4, 99.5, 128.8, 133.1];
-        let c = [1.0, 2, 2, 3, 5, 8, 8, 8];
-        let d = [8.0, 8, 9, 11, 12, 30, 31];
+        let c = [1.0, 2.0, 2.0, 3.0, 5.0, 8.0, 8.0, 8.0];
+        let d = [8.0, 8.0, 9.0, 11.0, 12.0, 30.0, 31.0];
         let row: Vec<f64> = (0..30).map(f64::from).collect();
         let shifted: Vec<f64> = row.iter().map(|v| v + 25.0).collect();
         let near = |got: Option<Test>, statistic: f64, p: f64| {
