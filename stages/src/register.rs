@@ -1,4 +1,5 @@
-//! The rigid motion of a pose to the reference pose, from the images behind the breasts.
+//! The rigid motion of a pose to the reference pose, from the images behind the breasts, whose
+//! chest wall may change its shape.
 
 use crate::{
     align::Start,
@@ -64,10 +65,12 @@ impl Artifact for Registered {
 
 impl Stage for Register {
     const NAME: &'static str = "register";
-    const VERSION: u32 = 2;
-    const METHODS: &'static str = "Poses were registered rigidly to the reference pose by maximising the normalised \
+    const VERSION: u32 = 3;
+    const METHODS: &'static str = "Poses were registered to the reference pose by maximising the normalised \
          cross-correlation of the images over the pectoral muscle and the ribs behind it, from coarse \
-         to fine.";
+         to fine: first rigidly, then with a smooth change of the chest wall's shape (cubic B-splines; \
+         Rueckert, IEEE Trans. Med. Imaging 18 (1999) 712) of which the rigid part over the front of \
+         the muscle was kept.";
     type Input = (Volume<f32>, LabelMap, Volume<f32>, Start);
     type Output = Registered;
 
@@ -79,9 +82,12 @@ impl Stage for Register {
         let mask = register::chest_wall_mask(labels, BEHIND_MM, AHEAD_MM);
         let search = if start.landmark_rms_mm.is_some() { Search::Near } else { Search::Wide };
         let options = register::Options { search, ..register::Options::default() };
-        let found =
-            register::register(reference, &mask, moving, &start.transform, &options, progress)
-                .map_err(|cause| Failure::Numerics(format!("registration: {cause}")))?;
+        let front = register::chest_wall_front(labels);
+        let start_at = &start.transform;
+        let found = register::register_changed(
+            reference, &mask, &front, moving, start_at, &options, progress,
+        )
+        .map_err(|cause| Failure::Numerics(format!("registration: {cause}")))?;
         let gravity = found.transform.direction(&self.gravity_in_image).normalize();
         Ok(Registered { transform: found.transform, gravity, start: *start, image: Some(found) })
     }

@@ -71,6 +71,9 @@ pub fn poses(names: &[String], (pictures, surfaces, registered): &Images) -> Vec
             if let Some(image) = &moving.image {
                 let (before, after) = (image.similarity_before, image.similarity_after);
                 facts.push(Fact::new("Correlation", format!("{before:.3} → {after:.3}")));
+                if let Some(rms) = image.change_rms_mm {
+                    facts.push(Fact::new("Change of the chest wall, rms", format!("{rms:.1} mm")));
+                }
             }
             report.registration = Some(RegistrationReport {
                 facts,

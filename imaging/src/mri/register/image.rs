@@ -1,7 +1,9 @@
-//! Rigid registration of two images over a mask.
+//! Registration of two images over a mask.
 
 use super::{
-    Options, RegisterError, Registration, Search, Uncertainty, mask,
+    Options, RegisterError, Registration, Search, Uncertainty,
+    elastic::Elastic,
+    mask,
     optimise::{Level, Optimum},
     pyramid,
     samples::samples,
@@ -45,21 +47,8 @@ pub fn register(
         });
     }
     let center = mask::center(reference_mask).ok_or(RegisterError::NoStructure)?;
-    let floor = |image: &Volume<f32>| FLOOR * mean(image);
-    let level = |spacing_mm: f64| -> Result<Level, RegisterError> {
-        let refuse = |remedy| Err(RegisterError::Level { spacing_mm, remedy });
-        if !(spacing_mm > 0.0 && options.block_mm > 0.0) {
-            return refuse("levels_mm and block_mm must be positive");
-        }
-        let block_mm = options.block_mm.max(8.0 * spacing_mm);
-        let reference = pyramid::level(reference, spacing_mm, floor(reference));
-        let samples = samples(&reference, reference_mask, block_mm, options.points)?;
-        let moving = pyramid::level(moving, spacing_mm, floor(moving));
-        if moving.grid.shape.iter().any(|&n| n < 2) {
-            return refuse("the moving image is too thin: give a whole scan");
-        }
-        Ok(Level { samples, moving, center, spacing_mm })
-    };
+    let prepare = Prepare { reference, mask: reference_mask, moving, options };
+    let level = |spacing_mm: f64| prepare.level(spacing_mm, center);
     let mut motion = start.inverse();
     let mut iterations = 0;
     if options.search == Search::Wide {
@@ -88,6 +77,7 @@ pub fn register(
     Ok(Registration {
         transform: motion.inverse(),
         landmark_rms_mm: None,
+        change_rms_mm: None,
         similarity_before: level.stay(&start.inverse()).evaluation.similarity,
         similarity_after: best.evaluation.similarity,
         overlap: best.overlap,
@@ -95,6 +85,80 @@ pub fn register(
         center,
         uncertainty: uncertainty(&best).ok_or(RegisterError::NoStructure)?,
     })
+}
+
+/// Moves `moving` onto `reference` although the chest wall changes its shape: the rigid part, over
+/// `places` (mm, reference), of a map that holds [`Options::changes`] too.
+///
+/// Starts from [`register`] on the coarser levels. Gives the same bits for any number of threads.
+///
+/// # Errors
+/// As [`register`]; and when the places are less than three or in line.
+pub fn register_changed(
+    reference: &Volume<f32>,
+    reference_mask: &Volume<bool>,
+    places: &[Vec3],
+    moving: &Volume<f32>,
+    start: &RigidTransform,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Registration, RegisterError> {
+    let changes = &options.changes;
+    let coarsest = changes.levels_mm.iter().copied().fold(0.0, f64::max);
+    if !(changes.spacing_mm > 0.0 && changes.deviation_mm > 0.0 && coarsest > 0.0) {
+        let remedy = "spacing_mm, deviation_mm and levels_mm of the changes must be positive";
+        return Err(RegisterError::Level { spacing_mm: coarsest, remedy });
+    }
+    let coarse: Vec<f64> =
+        options.levels_mm.iter().copied().filter(|level| *level >= coarsest).collect();
+    let rigid = Options { levels_mm: coarse, ..options.clone() };
+    let mut found = register(reference, reference_mask, moving, start, &rigid, progress)?;
+    progress.report(0.9, "change of the chest wall");
+    let corners = mask::bounds(reference_mask).ok_or(RegisterError::NoStructure)?;
+    let mut map = Elastic::rigid(&found.transform.inverse(), found.center, corners, changes);
+    let prepare = Prepare { reference, mask: reference_mask, moving, options };
+    for &spacing_mm in &changes.levels_mm {
+        let level = prepare.level(spacing_mm, found.center)?;
+        let climbed = map.climb(&level.samples, &level.moving, options.iterations);
+        let fit = map.rigid_part(places)?;
+        found = Registration {
+            transform: fit.transform,
+            change_rms_mm: Some(fit.rms_mm),
+            similarity_after: climbed.similarity,
+            overlap: climbed.overlap,
+            iterations: found.iterations + climbed.iterations,
+            uncertainty: map.uncertainty(&climbed, places).ok_or(RegisterError::NoStructure)?,
+            ..found
+        };
+    }
+    Ok(found)
+}
+
+/// The images of a registration, and how they are compared.
+struct Prepare<'a> {
+    reference: &'a Volume<f32>,
+    mask: &'a Volume<bool>,
+    moving: &'a Volume<f32>,
+    options: &'a Options,
+}
+
+impl Prepare<'_> {
+    /// What is compared at a distance of points.
+    fn level(&self, spacing_mm: f64, center: Vec3) -> Result<Level, RegisterError> {
+        let refuse = |remedy| Err(RegisterError::Level { spacing_mm, remedy });
+        if !(spacing_mm > 0.0 && self.options.block_mm > 0.0) {
+            return refuse("levels_mm and block_mm must be positive");
+        }
+        let block_mm = self.options.block_mm.max(8.0 * spacing_mm);
+        let floor = |image: &Volume<f32>| FLOOR * mean(image);
+        let reference = pyramid::level(self.reference, spacing_mm, floor(self.reference));
+        let samples = samples(&reference, self.mask, block_mm, self.options.points)?;
+        let moving = pyramid::level(self.moving, spacing_mm, floor(self.moving));
+        if moving.grid.shape.iter().any(|&n| n < 2) {
+            return refuse("the moving image is too thin: give a whole scan");
+        }
+        Ok(Level { samples, moving, center, spacing_mm })
+    }
 }
 
 /// Equal up to the rounding of a file in single precision.

@@ -31,6 +31,46 @@ pub fn chest_wall_mask(labels: &LabelMap, behind_mm: f64, ahead_mm: f64) -> Volu
     Volume { grid: labels.grid.clone(), values }
 }
 
+/// Where the breasts rest on the chest wall: centres (mm) of the voxels of muscle beside soft
+/// tissue, in the slices that show a breast. Beside any tissue of the chest wall where no muscle
+/// is labelled.
+pub fn chest_wall_front(labels: &LabelMap) -> Vec<Vec3> {
+    let grid = &labels.grid;
+    let [ni, nj, _] = grid.shape;
+    let is_muscle = |tissue: Tissue| tissue == Tissue::PectoralMuscle;
+    let no_muscle = !labels.values.iter().any(|t| is_muscle(*t));
+    let is_wall = |tissue: Tissue| is_muscle(tissue) || (no_muscle && tissue.is_chest_wall());
+    let soft = |tissue: Tissue| tissue != Tissue::Background && !tissue.is_chest_wall();
+    // Skin shows through a breast's limit; what is under it does not.
+    let breast = |tissue: &Tissue| tissue.is_breast() && *tissue != Tissue::Skin;
+    let of_slice = |(k, here): (usize, &[Tissue])| -> Vec<Vec3> {
+        if !here.iter().any(breast) {
+            return Vec::new();
+        }
+        let beside_soft = |i: usize, j: usize| {
+            let n = j * ni + i;
+            let beside = [(i > 0, n.wrapping_sub(1)), (i + 1 < ni, n + 1)];
+            let along_j = [(j > 0, n.wrapping_sub(ni)), (j + 1 < nj, n + ni)];
+            beside.into_iter().chain(along_j).any(|(held, m)| held && soft(here[m]))
+        };
+        let of_row = |j: usize| {
+            let front = move |i: &usize| is_wall(here[j * ni + i]) && beside_soft(*i, j);
+            (0..ni).filter(front).map(move |i| grid.center([i, j, k]))
+        };
+        (0..nj).flat_map(of_row).collect()
+    };
+    labels.values.chunks(ni * nj).enumerate().flat_map(of_slice).collect()
+}
+
+/// Box (mm, along the world axes) of the voxels of a mask; `None` when it has none.
+pub(super) fn bounds(mask: &Volume<bool>) -> Option<[Vec3; 2]> {
+    let inside = mask.values.iter().enumerate().filter(|(_, inside)| **inside);
+    inside.map(|(n, _)| mask.grid.center(mask.grid.voxel(n))).fold(None, |found, p| {
+        let [low, high] = found.unwrap_or([p, p]);
+        Some([low.inf(&p), high.sup(&p)])
+    })
+}
+
 /// Centre of the voxels of a mask (mm); `None` when it has none.
 pub(super) fn center(mask: &Volume<bool>) -> Option<Vec3> {
     let mut sum = [0.0f64; 3];
@@ -56,6 +96,24 @@ pub fn align_centers(reference: &Volume<bool>, moving: &Volume<bool>) -> Option<
 mod tests {
     use super::*;
     use mammotwin_data::volume::Grid;
+
+    #[test]
+    fn the_front_is_the_muscle_beside_soft_tissue_where_there_is_breast() {
+        use Tissue::{
+            AdiposeLeft as A, Background as B, Other as O, PectoralMuscle as M, Thorax as T,
+        };
+        let grid = Grid::aligned([3, 4, 2], [1.0, 2.0, 3.0], Vec3::zeros());
+        let values = [
+            [[T, T, T], [M, M, T], [A, M, T], [A, A, B]],
+            [[T, T, T], [M, M, T], [O, M, T], [O, O, B]],
+        ];
+        let mut labels = Volume { grid, values: values.concat().concat() };
+        let found = |labels: &LabelMap| chest_wall_front(labels);
+        let muscle = vec![Vec3::new(0.0, 2.0, 0.0), Vec3::new(1.0, 4.0, 0.0)];
+        assert_eq!(found(&labels), muscle);
+        labels.values.iter_mut().filter(|t| **t == M).for_each(|t| *t = T);
+        assert_eq!(found(&labels), muscle, "no muscle: the whole chest wall");
+    }
 
     #[test]
     fn the_mask_is_a_shell_about_the_muscle_in_millimetres() {

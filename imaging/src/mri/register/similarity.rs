@@ -8,7 +8,7 @@
 
 use super::samples::Block;
 use mammotwin_data::{Vec3, rigid::RigidTransform, volume::Volume};
-use nalgebra::{Matrix4x6, Matrix6, Vector4, Vector6};
+use nalgebra::{Matrix6, SMatrix, SVector, Vector4, Vector6};
 use rayon::prelude::*;
 
 /// Similarity at a position; derivatives are by (rotation vector in rad, translation in mm) of
@@ -33,8 +33,9 @@ pub(super) fn evaluate(
     pivot: &Vec3,
 ) -> Evaluation {
     // One result a block, added in order: the same bits for any number of threads.
-    let parts: Vec<Option<Part>> =
-        blocks.par_iter().map(|block| Part::of(block, moving, motion, pivot)).collect();
+    let about = About { motion, pivot };
+    let parts: Vec<Option<Part<6>>> =
+        blocks.par_iter().map(|block| Part::of(block, moving, &about)).collect();
     let mut sum = Evaluation {
         similarity: 0.0,
         gradient: Vector6::zeros(),
@@ -52,32 +53,53 @@ pub(super) fn evaluate(
     sum
 }
 
-/// Contribution of a block.
-struct Part {
-    correlation: f64,
-    gradient: Vector6<f64>,
-    curvature: Matrix6<f64>,
+/// A map from the reference to the moving image that N numbers change.
+pub(super) trait Placement<const N: usize> {
+    /// Where a point of the reference goes (mm).
+    fn point(&self, p: &Vec3) -> Vec3;
+
+    /// Derivative, by the N numbers, of an image with `slope` (1/mm) at the moved point.
+    fn derivative(&self, p: &Vec3, moved: &Vec3, slope: &Vec3) -> SVector<f64, N>;
 }
 
-impl Part {
+/// A rigid motion, turned and shifted about a pivot in the moving image.
+struct About<'a> {
+    motion: &'a RigidTransform,
+    pivot: &'a Vec3,
+}
+
+impl Placement<6> for About<'_> {
+    fn point(&self, p: &Vec3) -> Vec3 {
+        self.motion.point(p)
+    }
+
+    fn derivative(&self, _: &Vec3, moved: &Vec3, slope: &Vec3) -> Vector6<f64> {
+        let turn = (moved - self.pivot).cross(slope);
+        Vector6::new(turn.x, turn.y, turn.z, slope.x, slope.y, slope.z)
+    }
+}
+
+/// Contribution of a block.
+pub(super) struct Part<const N: usize> {
+    pub correlation: f64,
+    pub gradient: SVector<f64, N>,
+    pub curvature: SMatrix<f64, N, N>,
+}
+
+impl<const N: usize> Part<N> {
     /// `None` when the moving image is flat there.
-    fn of(
-        block: &Block,
-        moving: &Volume<f32>,
-        motion: &RigidTransform,
-        pivot: &Vec3,
-    ) -> Option<Self> {
+    pub fn of(block: &Block, moving: &Volume<f32>, map: &impl Placement<N>) -> Option<Self> {
         let to_voxel = moving.grid.to_voxel();
         // m: moving values, d: their derivatives, a: unit reference values, q: unit trends.
         let (mut mm, mut am, mut qm) = (0.0, 0.0, Vector4::zeros());
-        let (mut ad, mut md, mut qd) = (Vector6::zeros(), Vector6::zeros(), Matrix4x6::zeros());
-        let mut dd = Matrix6::zeros();
+        let (mut ad, mut md) = (SVector::<f64, N>::zeros(), SVector::<f64, N>::zeros());
+        let mut qd = SMatrix::<f64, 4, N>::zeros();
+        let mut dd = SMatrix::<f64, N, N>::zeros();
         for (point, (a, q)) in block.points.iter().zip(block.unit.iter().zip(&block.trends)) {
-            let moved = motion.point(point);
+            let moved = map.point(point);
             let (m, slope) = value_and_slope(moving, &to_voxel.apply(&moved));
             let slope = to_voxel.linear().tr_mul(&slope);
-            let turn = (moved - pivot).cross(&slope);
-            let d = Vector6::new(turn.x, turn.y, turn.z, slope.x, slope.y, slope.z);
+            let d = map.derivative(point, &moved, &slope);
             mm += m * m;
             am += a * m;
             qm.axpy(m, q, 1.0);

@@ -1,0 +1,404 @@
+//! A rigid motion together with a smooth change of the chest wall's shape.
+//!
+//! A surface shows a displacement along its normal alone, and a wall that changes its shape is
+//! seen here better than there; a plain rigid fit takes part of the change for a motion. So the
+//! displacement of the whole wall is estimated, what is not seen of it from a prior that changes
+//! are smooth and small, and the rigid part of the map is taken where it is asked for.
+//!
+//! Displacements are cubic B-splines whose coefficients are independent and normal; a rigid part
+//! beside them has no prior. Within a block the map is linear about the block's centre. The
+//! posterior is climbed by Levenberg-Marquardt; how much a correlation weighs against the prior
+//! follows from the scatter of the blocks' gradients ([`Sites::information`]).
+
+use super::{
+    Changes, RegisterError, Uncertainty, landmarks,
+    lattice::{Lattice, Support},
+    samples::{Block, Sample, covered},
+    similarity::{Part, Placement},
+};
+use mammotwin_data::{Mat3, Vec3, rigid::RigidTransform, volume::Volume};
+use nalgebra::{DMatrix, DVector, Dyn, Matrix6, OMatrix, SVector, U6, U12, Vector6};
+use rayon::prelude::*;
+
+/// Numbers of the rigid part: translation (mm), rotation vector (rad) about the centre.
+const RIGID: usize = 6;
+/// A step that moves no control point further (mm) is the last.
+const ENOUGH_MM: f64 = 0.03;
+/// So many places at most serve the uncertainty.
+const PLACES: usize = 2000;
+
+/// A smooth displacement of the reference, then a rigid motion.
+#[derive(Debug, Clone)]
+pub(super) struct Elastic {
+    /// From reference to moving, after the displacement.
+    motion: RigidTransform,
+    /// Pivot of the rotation (mm, reference).
+    center: Vec3,
+    lattice: Lattice,
+    /// Rigid numbers, then three a control point (mm).
+    numbers: DVector<f64>,
+    deviation_mm: f64,
+}
+
+/// What an ascent found.
+pub(super) struct Climbed {
+    /// Weighted mean of the blocks' correlations.
+    pub similarity: f64,
+    /// Covered part of the samples, by weight.
+    pub overlap: f64,
+    pub iterations: usize,
+    /// Inverse of the covariance of the numbers.
+    precision: DMatrix<f64>,
+}
+
+impl Elastic {
+    /// A rigid motion (reference to moving) without a change, over the box from `low` to `high`.
+    pub fn rigid(
+        motion: &RigidTransform,
+        center: Vec3,
+        [low, high]: [Vec3; 2],
+        changes: &Changes,
+    ) -> Self {
+        let lattice = Lattice::covering(&low, &high, changes.spacing_mm);
+        let numbers = DVector::zeros(RIGID + 3 * lattice.len());
+        Self { motion: *motion, center, lattice, numbers, deviation_mm: changes.deviation_mm }
+    }
+
+    fn vector(&self, first: usize) -> Vec3 {
+        self.numbers.fixed_rows::<3>(first).into_owned()
+    }
+
+    /// Displacement (mm) at a place with this support, and its derivative.
+    fn displacement(&self, p: &Vec3, support: &[Support]) -> (Vec3, Mat3) {
+        let turn = self.vector(3);
+        let mut shift = self.vector(0) + turn.cross(&(p - self.center));
+        let mut strain = turn.cross_matrix();
+        for near in support {
+            let control = self.vector(RIGID + 3 * near.index);
+            shift += near.weight * control;
+            strain += control * near.slope.transpose();
+        }
+        (shift, strain)
+    }
+
+    /// Where a point of the reference goes.
+    fn point(&self, p: &Vec3) -> Vec3 {
+        self.motion.point(&(p + self.displacement(p, &self.lattice.at(p)).0))
+    }
+
+    /// The rigid motion (moving to reference) that fits the map best over some places (mm,
+    /// reference); what it leaves is the change of the chest wall.
+    pub fn rigid_part(&self, places: &[Vec3]) -> Result<landmarks::Fit, RegisterError> {
+        let pairs: Vec<(Vec3, Vec3)> = places.par_iter().map(|p| (self.point(p), *p)).collect();
+        landmarks::fit(&pairs)
+    }
+
+    /// Climbs the posterior on a level from where the map is.
+    ///
+    /// The points that are compared are those that the moving image covers at the start.
+    pub fn climb(&mut self, samples: &[Sample], moving: &Volume<f32>, steps: usize) -> Climbed {
+        let sites = Sites::of(covered(samples, moving, &self.motion), self, moving);
+        let mut here = sites.evaluate(self);
+        let mut damping = 1e-4;
+        let mut iterations = 0;
+        while iterations < steps {
+            iterations += 1;
+            let mut matrix = here.precision.clone();
+            (0..matrix.nrows()).for_each(|n| matrix[(n, n)] *= 1.0 + damping);
+            let Some(factor) = matrix.cholesky() else { break };
+            let step = factor.solve(&here.gradient);
+            let old = self.numbers.clone();
+            self.numbers += &step;
+            let next = sites.evaluate(self);
+            if next.score > here.score {
+                here = next;
+                damping = (damping * 0.2).max(1e-9);
+            } else {
+                self.numbers = old;
+                damping = (damping * 8.0).max(1e-3);
+            }
+            if step.rows(RIGID, step.len() - RIGID).amax() < ENOUGH_MM {
+                break;
+            }
+        }
+        Climbed {
+            similarity: here.similarity,
+            overlap: sites.all.iter().map(|site| site.block.weight).sum(),
+            iterations,
+            precision: here.precision,
+        }
+    }
+
+    /// Standard deviations of the rigid part over some places, by the curvature of the posterior;
+    /// `None` when the images leave a motion open.
+    pub fn uncertainty(&self, climbed: &Climbed, places: &[Vec3]) -> Option<Uncertainty> {
+        let mut normal = Matrix6::zeros();
+        let mut right = OMatrix::<f64, U6, Dyn>::zeros(self.numbers.len());
+        for p in places.iter().step_by(places.len().div_ceil(PLACES).max(1)) {
+            let arm = p - self.center;
+            let mut rows = OMatrix::<f64, nalgebra::U3, U6>::zeros();
+            rows.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
+            rows.fixed_view_mut::<3, 3>(0, 3).copy_from(&-arm.cross_matrix());
+            normal += rows.tr_mul(&rows);
+            for near in self.lattice.at(p) {
+                let mut column = right.fixed_columns_mut::<3>(RIGID + 3 * near.index);
+                column += near.weight * rows.transpose();
+            }
+        }
+        let mut part = normal.cholesky()?.solve(&right);
+        part.fixed_view_mut::<6, 6>(0, 0).fill_with_identity();
+        let spread = climbed.precision.clone().cholesky()?.solve(&part.transpose());
+        let variance: Vector6<f64> = (part * spread).diagonal();
+        let deviation = |n: usize| variance[n].max(0.0).sqrt();
+        Some(Uncertainty {
+            rotation_rad: [3, 4, 5].map(deviation),
+            translation_mm: [0, 1, 2].map(deviation),
+        })
+    }
+}
+
+/// Map of a block: `motion(p + shift + strain (p - center))`.
+struct Local {
+    motion: RigidTransform,
+    center: Vec3,
+    shift: Vec3,
+    strain: Mat3,
+}
+
+impl Placement<12> for Local {
+    fn point(&self, p: &Vec3) -> Vec3 {
+        self.motion.point(&(p + self.shift + self.strain * (p - self.center)))
+    }
+
+    /// By the shift, and by the columns of the strain.
+    fn derivative(&self, p: &Vec3, _: &Vec3, slope: &Vec3) -> SVector<f64, 12> {
+        let slope = self.motion.rotation.tr_mul(slope);
+        let arm = p - self.center;
+        let mut d = SVector::<f64, 12>::zeros();
+        d.fixed_rows_mut::<3>(0).copy_from(&slope);
+        for column in 0..3 {
+            d.fixed_rows_mut::<3>(3 + 3 * column).copy_from(&(slope * arm[column]));
+        }
+        d
+    }
+}
+
+/// A block, where it is, and how its map changes with some of the numbers.
+struct Site {
+    block: Block,
+    center: Vec3,
+    support: Vec<Support>,
+    columns: Vec<usize>,
+    jacobian: OMatrix<f64, U12, Dyn>,
+}
+
+impl Site {
+    fn of(block: Block, map: &Elastic) -> Self {
+        let center = block.points.iter().sum::<Vec3>() / block.points.len() as f64;
+        let support = map.lattice.at(&center);
+        let columns: Vec<usize> = (0..RIGID)
+            .chain(support.iter().flat_map(|near| (0..3).map(|axis| RIGID + 3 * near.index + axis)))
+            .collect();
+        let mut jacobian = OMatrix::<f64, U12, Dyn>::zeros(columns.len());
+        for axis in 0..3 {
+            let unit = Vec3::ith(axis, 1.0);
+            jacobian[(axis, axis)] = 1.0;
+            let turned = unit.cross(&(center - map.center));
+            jacobian.fixed_view_mut::<3, 1>(0, 3 + axis).copy_from(&turned);
+            for column in 0..3 {
+                let turned = unit.cross(&Vec3::ith(column, 1.0));
+                jacobian.fixed_view_mut::<3, 1>(3 + 3 * column, 3 + axis).copy_from(&turned);
+            }
+        }
+        for (n, near) in support.iter().enumerate() {
+            for axis in 0..3 {
+                let at = RIGID + 3 * n + axis;
+                jacobian[(axis, at)] = near.weight;
+                for column in 0..3 {
+                    jacobian[(3 + 3 * column + axis, at)] = near.slope[column];
+                }
+            }
+        }
+        Self { block, center, support, columns, jacobian }
+    }
+}
+
+/// All blocks of a level.
+struct Sites<'a> {
+    all: Vec<Site>,
+    moving: &'a Volume<f32>,
+    /// Logarithm of the likelihood that a unit of similarity is worth.
+    information: f64,
+}
+
+/// What a map is worth on a level.
+struct State {
+    similarity: f64,
+    /// Logarithm of the posterior, but for a constant.
+    score: f64,
+    gradient: DVector<f64>,
+    precision: DMatrix<f64>,
+}
+
+impl<'a> Sites<'a> {
+    fn of(blocks: Vec<Block>, map: &Elastic, moving: &'a Volume<f32>) -> Self {
+        let all = blocks.into_par_iter().map(|block| Site::of(block, map)).collect();
+        let mut sites = Self { all, moving, information: 1.0 };
+        sites.information = sites.information(&sites.parts(map));
+        sites
+    }
+
+    /// One result a block: the same bits for any number of threads.
+    fn parts(&self, map: &Elastic) -> Vec<Option<Part<12>>> {
+        let part = |site: &Site| {
+            let (shift, strain) = map.displacement(&site.center, &site.support);
+            let local = Local { motion: map.motion, center: site.center, shift, strain };
+            Part::of(&site.block, self.moving, &local)
+        };
+        self.all.par_iter().map(part).collect()
+    }
+
+    /// The factor that makes the curvature of the similarity equal to the scatter of the blocks'
+    /// gradients by their shifts, as they are for a likelihood. Where blocks contradict each
+    /// other, because the chest changes or the images differ, a correlation is worth less.
+    fn information(&self, parts: &[Option<Part<12>>]) -> f64 {
+        let (mut curvature, mut scatter) = (0.0, 0.0);
+        for (site, part) in self.all.iter().zip(parts) {
+            let Some(part) = part else { continue };
+            let weight = site.block.weight;
+            curvature += weight * part.curvature.fixed_view::<3, 3>(0, 0).trace();
+            scatter += (weight * part.gradient.fixed_rows::<3>(0)).norm_squared();
+        }
+        if scatter > 0.0 { curvature / scatter } else { 0.0 }
+    }
+
+    fn evaluate(&self, map: &Elastic) -> State {
+        let count = map.numbers.len();
+        let mut state = State {
+            similarity: 0.0,
+            score: 0.0,
+            gradient: DVector::zeros(count),
+            precision: DMatrix::zeros(count, count),
+        };
+        for (site, part) in self.all.iter().zip(self.parts(map)) {
+            let Some(part) = part else { continue };
+            state.similarity += site.block.weight * part.correlation;
+            let weight = site.block.weight * self.information;
+            let slope = site.jacobian.tr_mul(&(weight * part.gradient));
+            let square = site.jacobian.tr_mul(&(weight * part.curvature * &site.jacobian));
+            for (a, &at) in site.columns.iter().enumerate() {
+                state.gradient[at] += slope[a];
+                for (b, &with) in site.columns.iter().enumerate() {
+                    state.precision[(with, at)] += square[(b, a)];
+                }
+            }
+        }
+        let stiffness = map.deviation_mm.powi(-2);
+        state.score = self.information * state.similarity;
+        for n in RIGID..count {
+            let number = map.numbers[n];
+            state.score -= 0.5 * stiffness * number * number;
+            state.gradient[n] -= stiffness * number;
+            state.precision[(n, n)] += stiffness;
+        }
+        state
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mammotwin_data::volume::Grid;
+
+    fn wave(p: &Vec3) -> f64 {
+        (0.21 * p.x + 0.05 * p.z).sin() * (0.17 * p.y).cos() + (0.19 * p.z - 0.1 * p.x).cos()
+    }
+
+    fn map(deviation_mm: f64) -> Elastic {
+        let changes = Changes { spacing_mm: 40.0, deviation_mm, ..Changes::default() };
+        let motion = RigidTransform::about(
+            &Vec3::zeros(),
+            &Vec3::new(0.02, -0.01, 0.03),
+            &Vec3::new(0.6, -0.4, 0.5),
+        );
+        let corners = [Vec3::repeat(-30.0), Vec3::repeat(30.0)];
+        let mut map = Elastic::rigid(&motion, Vec3::new(1.0, 2.0, 3.0), corners, &changes);
+        for n in 0..map.numbers.len() {
+            let scale = if (3..6).contains(&n) { 0.01 } else { 0.5 };
+            map.numbers[n] = scale * (1.7 * n as f64).sin();
+        }
+        map
+    }
+
+    fn moving() -> Volume<f32> {
+        let grid = Grid::aligned([41, 41, 41], [2.0; 3], Vec3::repeat(-40.0));
+        let values = (0..grid.len()).map(|n| (50.0 * wave(&grid.center(grid.voxel(n)))) as f32);
+        Volume { values: values.collect(), grid }
+    }
+
+    fn blocks() -> Vec<Block> {
+        let spot = |n: usize, b: usize| {
+            let [n, b] = [n as f64, b as f64];
+            let at = Vec3::new(6.1 * n.sin(), 6.3 * (1.7 * n).cos(), 6.9 * (0.37 * n).sin());
+            at + 12.0 * Vec3::new((2.1 * b).sin(), (1.3 * b).cos(), (0.7 * b).sin())
+        };
+        let block = |b: usize| {
+            let points: Vec<Vec3> = (0..80).map(|n| spot(n, b)).collect();
+            let values = points.iter().map(wave).collect();
+            Block::new(points, values, 0.2).unwrap()
+        };
+        (0..5).map(block).collect()
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_finite_differences() {
+        let (map, moving) = (map(2.0), moving());
+        let sites = Sites::of(blocks(), &map, &moving);
+        let here = sites.evaluate(&map);
+        let scale = here.gradient.amax();
+        for n in (0..RIGID).chain((RIGID..map.numbers.len()).step_by(17)) {
+            let at = |step: f64| {
+                let mut other = map.clone();
+                other.numbers[n] += step;
+                sites.evaluate(&other).score
+            };
+            let slope = (at(1e-5) - at(-1e-5)) / 2e-5;
+            assert!((slope - here.gradient[n]).abs() < 1e-5 * scale, "{n}: {slope}");
+        }
+    }
+
+    #[test]
+    fn the_rigid_part_of_a_rigid_map_is_that_map() {
+        let mut map = map(2.0);
+        map.numbers.fill(0.0);
+        let places: Vec<Vec3> = (0..50)
+            .map(|n| {
+                20.0 * Vec3::new((n as f64).sin(), (2.3 * n as f64).cos(), (0.4 * n as f64).sin())
+            })
+            .collect();
+        let fit = map.rigid_part(&places).unwrap();
+        assert!(fit.rms_mm < 1e-12);
+        assert!((fit.transform.inverse().rotation - map.motion.rotation).norm() < 1e-12);
+    }
+
+    #[test]
+    fn what_clear_images_leave_open_is_as_uncertain_as_the_prior() {
+        let moving = moving();
+        let blocks = blocks();
+        let beyond = Vec3::new(25.0, 0.0, 0.0);
+        let places: Vec<Vec3> =
+            blocks.iter().flat_map(|block| block.points.iter().map(|p| p + beyond)).collect();
+        let spread = |deviation_mm: f64| {
+            let map = map(deviation_mm);
+            let mut sites = Sites::of(blocks.clone(), &map, &moving);
+            sites.information = 1e6;
+            let precision = sites.evaluate(&map).precision;
+            let climbed = Climbed { similarity: 0.0, overlap: 1.0, iterations: 0, precision };
+            let found = map.uncertainty(&climbed, &places).unwrap();
+            Vec3::from(found.translation_mm).norm()
+        };
+        let (stiff, soft) = (spread(0.01), spread(2.0));
+        println!("{stiff:.3} mm, {soft:.3} mm");
+        assert!(stiff > 0.0 && soft > 4.0 * stiff && soft < 10.0, "{stiff} {soft}");
+    }
+}
