@@ -2,14 +2,30 @@
 
 use crate::{graph::Outcome, score::Estimates};
 use mammotwin_data::Failure;
-use mammotwin_stages::pose::PoseFit;
-use serde_json::{Value, json};
+use mammotwin_data::labels::Tissue;
+use mammotwin_stages::{pose::PoseFit, surface};
+use serde_json::{Map, Value, json};
 
 /// Loads what can be compared with a truth; fails when a result is not computed yet.
 pub fn estimates(outcome: &Outcome) -> Result<Estimates, Failure> {
     let mut found = Estimates { reference: outcome.reference.clone(), ..Estimates::default() };
     for (name, pose) in &outcome.poses {
-        found.labels.insert(name.clone(), pose.labels.load()?);
+        let (labels, surfaces) = (pose.labels.load()?, pose.surfaces.load()?);
+        let parts = [
+            ("skin", labels.map(|tissue| tissue != Tissue::Background), &surfaces.skin),
+            ("chest_wall", labels.map(Tissue::is_chest_wall), &surfaces.chest_wall),
+        ];
+        let mut borders = Map::new();
+        for (part, mask, surface) in parts {
+            let distances = surface::from_border(&mask, surface).map_err(|cause| {
+                Failure::BadInput(format!("surface of {part}, {name}: {cause}"))
+            })?;
+            let at = |share: f64| distances.get((share * distances.len() as f64) as usize);
+            let border = json!({ "median_mm": at(0.5), "p95_mm": at(0.95), "p99_mm": at(0.99) });
+            borders.insert(part.into(), border);
+        }
+        found.surface.insert(name.clone(), borders.into());
+        found.labels.insert(name.clone(), labels);
         if let Some(registered) = &pose.registered {
             found.to_reference.insert(name.clone(), registered.load()?.transform);
         }

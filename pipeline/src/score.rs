@@ -19,6 +19,8 @@ pub struct Estimates {
     pub reference: String,
     /// Labels by pose name.
     pub labels: BTreeMap<String, LabelMap>,
+    /// Distances (mm) of the border of the labels from the surfaces made of them, by pose name.
+    pub surface: BTreeMap<String, Value>,
     /// From the image of a pose to that of the reference pose, by pose name.
     pub to_reference: BTreeMap<String, RigidTransform>,
     /// Young's moduli (kPa) by study key.
@@ -65,6 +67,7 @@ pub fn score(estimates: &Estimates, folder: &Path) -> Result<Value, Failure> {
     }
     Ok(json!({
         "segmentation": segmentation,
+        "surface": estimates.surface,
         "registration": registration,
         "moduli": moduli,
         "distance": estimates.distance,

@@ -14,7 +14,6 @@ pub mod mechanics;
 pub mod motion;
 mod posed;
 pub mod preset;
-pub mod score;
 mod study;
 #[cfg(test)]
 mod tests;
@@ -25,7 +24,6 @@ pub mod truth;
 pub use motion::{Motion, PoseName};
 pub use posed::PosedBody;
 pub use preset::Preset;
-pub use score::{Found, Score, score};
 pub use study::model_plan;
 pub use torso::Torso;
 pub use truth::Truth;
