@@ -14,7 +14,7 @@ use mammotwin_stages::{
     comfort::Comfort,
     compress::{Compress, Compression},
     deliver::{Deliver, RawPicture, Report, ShownPicture},
-    discover::{Discover, Discovery},
+    discover::{Discover, Discovery, Evidence, Gather},
     mammogram::{Mammogram, Mammograms},
     mesh::{BreastMesh, Mesh},
     monte_carlo::MonteCarlo,
@@ -129,12 +129,17 @@ pub fn run(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     Ok(outcome)
 }
 
+/// What [`discover`] makes.
+#[derive(Debug)]
+pub struct Found {
+    /// Residuals, their derivatives and errors.
+    pub evidence: Stored<Evidence>,
+    /// The answer.
+    pub discovery: Stored<Discovery>,
+}
+
 /// Calls the stages of a study, and looks for an effect that its model lacks.
-pub fn discover(
-    study: &Study,
-    held_out: &str,
-    run: &Run<'_>,
-) -> Result<Stored<Discovery>, Failure> {
+pub fn discover(study: &Study, held_out: &str, run: &Run<'_>) -> Result<Found, Failure> {
     let Outcome { reference, poses, mesh, calibration, .. } = self::run(study, run)?;
     let (mut names, mut motions, mut surfaces) = (Vec::new(), Vec::new(), Vec::new());
     for (name, pose) in &poses {
@@ -144,20 +149,21 @@ pub fn discover(
             surfaces.push(pose.surfaces.clone());
         }
     }
-    let discover = Discover {
+    let gather = Gather {
         model: study.model.clone(),
         calibrate: study.calibrate.clone(),
         size_mm: study.mesh.size_mm,
         gravity: gravity(&reference, &study.poses[&reference])?,
         poses: names,
-        held_out: held_out.into(),
         reference: reference.clone(),
     };
     let first = &poses[&reference];
     let inputs = (&first.labels, &first.surfaces, &mesh, &calibration, &motions[..], &surfaces[..]);
-    let found = run.stage("", &discover, inputs)?;
-    run.export("discovery.h5", &found)?;
-    Ok(found)
+    let evidence = run.stage("", &gather, inputs)?;
+    let discover = Discover { gather, held_out: held_out.into() };
+    let discovery = run.stage("", &discover, (&evidence, inputs))?;
+    run.export("discovery.h5", &discovery)?;
+    Ok(Found { evidence, discovery })
 }
 
 /// The files that people open.

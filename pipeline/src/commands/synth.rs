@@ -27,7 +27,7 @@ pub fn demo(arguments: &DemoArguments) -> Result<(), Failure> {
     let study = arguments.out.join("study.toml");
     // Written last: with this note all files of the volunteer are there.
     let note = arguments.out.join("volunteer.txt");
-    let Settings { preset, seed, voxel_mm, poses, hidden: _, out_dir: _ } = &settings;
+    let Settings { preset, seed, voxel_mm, poses, hidden: _, still: _, out_dir: _ } = &settings;
     let version = env!("CARGO_PKG_VERSION");
     let text = format!("mammotwin {version}: {preset} {seed} {voxel_mm:?} {poses:?}\n");
     if !study.exists() || fs::read_to_string(&note).ok().as_ref() != Some(&text) {
@@ -67,7 +67,8 @@ fn settings(arguments: &SynthArguments) -> Result<Settings, Failure> {
     refuse_someone(&arguments.out)?;
     let (preset, seed) = (arguments.preset.clone(), arguments.seed);
     let hidden = hidden(&arguments.hide)?;
-    Ok(Settings { preset, seed, voxel_mm, poses, hidden, out_dir: arguments.out.clone() })
+    let out_dir = arguments.out.clone();
+    Ok(Settings { preset, seed, voxel_mm, poses, hidden, still: false, out_dir })
 }
 
 /// `EFFECT` or `EFFECT=AMPLITUDE`; without a number it is half of the greatest plausible one.

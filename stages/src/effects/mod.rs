@@ -37,6 +37,7 @@ pub const EFFECTS: [&Effect; 11] = [
 ];
 
 /// A physical effect: what it is to people, and what it does to a model.
+#[derive(Debug)]
 pub struct Effect {
     /// Word in study files.
     pub name: &'static str,

@@ -12,6 +12,8 @@ use mammotwin_data::{Failure, metric::Metric};
 use minijinja::{Environment, context};
 use serde::Serialize;
 
+const TEMPLATE: &str = include_str!("template.html");
+
 /// Width (pixels) that all views of a surface fill together.
 const VIEWS_WIDTH: f64 = 920.0;
 /// Length of the bar in pictures of surfaces (mm).
@@ -69,14 +71,20 @@ pub fn render(input: &ReportInput) -> Result<String, Failure> {
     };
     let mut environment = Environment::new();
     environment
-        .add_template("report.html", include_str!("template.html"))
+        .add_template("report.html", TEMPLATE)
         .and_then(|()| environment.get_template("report.html")?.render(page))
         .map_err(|cause| Failure::BadInput(format!("report: {cause:#}")))
 }
 
+/// Style sheet of the report, for the other pages.
+pub(super) fn style() -> &'static str {
+    let inside = TEMPLATE.split_once("<style>").and_then(|(_, rest)| rest.split_once("</style>"));
+    inside.map_or("", |(style, _)| style)
+}
+
 /// Something to look at; `body` is HTML.
 #[derive(Serialize)]
-struct Figure<'a> {
+pub(super) struct Figure<'a> {
     title: &'a str,
     caption: &'a str,
     body: String,
@@ -108,7 +116,7 @@ fn maps(surfaces: &[SurfaceMap]) -> Result<Vec<Figure<'_>>, Failure> {
 }
 
 /// Views of a surface and their scale.
-fn map(map: &SurfaceMap) -> Result<Figure<'_>, Failure> {
+pub(super) fn map(map: &SurfaceMap) -> Result<Figure<'_>, Failure> {
     let SurfaceMap { title, caption, surface, values, palette, .. } = map;
     if values.len() != surface.points.len() {
         let (values, points) = (values.len(), surface.points.len());
