@@ -67,6 +67,41 @@ pub enum StudyCommand {
     /// Dance's dose against Monte Carlo under a tilted paddle: table, chart, fitted correction
     #[command(after_help = "Example:\n  mammotwin study dose --out runs/dose --photons 400000")]
     Dose(DoseArguments),
+    /// How often `discover` names what was hidden: volunteers with hidden effects, scored
+    #[command(after_help = BENCHMARK_HELP)]
+    Discovery(BenchmarkArguments),
+}
+
+const BENCHMARK_HELP: &str = "\
+Makes volunteers with nothing and with each effect hidden at 2, 5 and 10 standard deviations, gathers
+the evidence of each, and tries the verdict on drawn errors. With --images also whole runs from noisy
+images. What is there already is kept: a study that was cut short goes on where it ended.
+
+Examples:
+  mammotwin study discovery --out runs/discovery --seeds 7 --draws 20
+  mammotwin study discovery --out runs/discovery --seeds 7,11,13 --images 8 --minutes 120";
+
+/// The benchmark of `discover`.
+#[derive(Debug, Clone, Args)]
+pub struct BenchmarkArguments {
+    /// Folder with the volunteers and the results
+    #[arg(long, value_name = "DIR", default_value = "runs/discovery")]
+    pub out: PathBuf,
+    /// Kind of volunteer
+    #[arg(long, value_name = "PRESET", default_value = "tiny")]
+    pub preset: String,
+    /// Which persons of that kind
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "7")]
+    pub seeds: Vec<u64>,
+    /// Draws of errors for each case
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    pub draws: usize,
+    /// Cases of each person that go through images, segmentation and registration
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub images: usize,
+    /// Begin no case after so many minutes
+    #[arg(long, value_name = "N")]
+    pub minutes: Option<u64>,
 }
 
 /// The study of dose.

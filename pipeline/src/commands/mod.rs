@@ -1,5 +1,6 @@
 //! One function for each command.
 
+pub mod benchmark;
 pub mod check;
 pub mod discover;
 pub mod dose;
@@ -44,6 +45,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Gc(arguments) => keep::gc(arguments),
         Command::Inspect(arguments) => inspect::inspect(arguments),
         Command::Study(StudyCommand::Dose(arguments)) => dose::dose(arguments),
+        Command::Study(StudyCommand::Discovery(arguments)) => benchmark::benchmark(arguments),
     }
 }
 

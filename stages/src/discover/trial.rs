@@ -24,9 +24,7 @@ impl Errors {
             .ok_or_else(|| Failure::Numerics("discover: errors without a covariance".into()))?;
         let nodes = evidence.nodes();
         let all = nodes * evidence.shapes.len();
-        let one = |p: usize| {
-            DVector::from_fn(all, |n, _| if n / nodes == p { 1.0 } else { 0.0 })
-        };
+        let one = |p: usize| DVector::from_fn(all, |n, _| if n / nodes == p { 1.0 } else { 0.0 });
         let shifts_mm = (0..evidence.shapes.len()).map(one).collect();
         Ok(Self { factor: factor.unpack(), shifts_mm })
     }

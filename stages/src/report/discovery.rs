@@ -67,9 +67,10 @@ pub fn render(
         };
         let chart = Chart {
             title: "Force on the way".into(),
-            caption: "The study's compression with the material of its own law; the effect comes on \
+            caption:
+                "The study's compression with the material of its own law; the effect comes on \
                       top of it, and the moduli are those fitted with it."
-                .into(),
+                    .into(),
             x_label: "thickness (mm)".into(),
             y_label: "force (N)".into(),
             lines: ["without", "with the effect"].into_iter().zip(curves).map(line).collect(),
