@@ -99,6 +99,9 @@ pub struct BenchmarkArguments {
     /// Cases of each person that go through images, segmentation and registration
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub images: usize,
+    /// Hide only these effects
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
+    pub effects: Vec<String>,
     /// Begin no case after so many minutes
     #[arg(long, value_name = "N")]
     pub minutes: Option<u64>,

@@ -15,6 +15,7 @@ use mammotwin_stages::{
     compress::{Compress, Compression},
     deliver::{Deliver, RawPicture, Report, ShownPicture},
     discover::{Discover, Discovery, Evidence, Gather},
+    effects::EFFECTS,
     mammogram::{Mammogram, Mammograms},
     mesh::{BreastMesh, Mesh},
     monte_carlo::MonteCarlo,
@@ -156,6 +157,7 @@ pub fn discover(study: &Study, held_out: &str, run: &Run<'_>) -> Result<Found, F
         gravity: gravity(&reference, &study.poses[&reference])?,
         poses: names,
         reference: reference.clone(),
+        library: EFFECTS.map(|effect| effect.name).to_vec(),
     };
     let first = &poses[&reference];
     let inputs = (&first.labels, &first.surfaces, &mesh, &calibration, &motions[..], &surfaces[..]);

@@ -8,7 +8,7 @@ use super::{
 /// Ligaments that the model knows.
 pub const LIGAMENTS: [&str; 4] = ["inframammary", "deep_medial", "cranial", "lateral"];
 /// Effects that `model.effects` may name.
-pub const EFFECTS: [&str; 11] = [
+pub const EFFECTS: [&str; 15] = [
     "limit_chain",
     "fascia_limit",
     "cranial_ligament",
@@ -16,9 +16,13 @@ pub const EFFECTS: [&str; 11] = [
     "inframammary_slack",
     "skin_region",
     "skin_thickness",
+    "skin_prestress",
     "gland_inclusion",
     "compressible",
+    "friction",
+    "bond_region",
     "left_right",
+    "gravity_dir",
     "density",
 ];
 /// Study keys that `calibrate.parameters` may name.

@@ -143,6 +143,8 @@ pub struct Gather {
     pub gravity: Vec3,
     /// Names of the other poses, in the order of the inputs.
     pub poses: Vec<String>,
+    /// Names of the effects that are tried.
+    pub library: Vec<&'static str>,
 }
 
 /// Labels and surfaces of the reference pose, its mesh, the calibration, and for each other pose

@@ -119,9 +119,11 @@ impl Shape {
         &basis * (basis.transpose() * residual)
     }
 
-    /// Root mean square (mm) that errors of a covariance leave after the best rigid motion.
-    pub fn floor_mm(&self, covariance: &DMatrix<f64>) -> f64 {
-        let basis = DMatrix::from_columns(&self.rigid_modes()).qr().q();
+    /// Root mean square (mm) that errors of a covariance leave after the best rigid motion and what
+    /// `fitted` columns (mm) take.
+    pub fn floor_mm(&self, covariance: &DMatrix<f64>, fitted: &[DVector<f64>]) -> f64 {
+        let columns = [&self.rigid_modes()[..], fitted].concat();
+        let basis = DMatrix::from_columns(&columns).qr().q();
         let left = covariance - &basis * (basis.transpose() * covariance);
         let left = &left - (&left * &basis) * basis.transpose();
         (left.trace() / covariance.nrows().max(1) as f64).max(0.0).sqrt()

@@ -194,7 +194,7 @@ impl<'a> Judge<'a> {
     }
 
     /// Root mean squares (mm) of a pose's residuals after its best rigid motion: before, after, and
-    /// of what the errors leave.
+    /// of what errors leave when the moduli are fitted.
     pub(super) fn rms_mm(
         &self,
         pose: usize,
@@ -205,7 +205,9 @@ impl<'a> Judge<'a> {
         let [before, after] = [before, after].map(|all| part(all, &[pose], nodes));
         let at = pose * nodes;
         let own = self.covariance.view((at, at), (nodes, nodes)).into_owned();
-        [shape.without_rigid_mm(&before), shape.without_rigid_mm(&after), shape.floor_mm(&own)]
+        let moduli = [0, 1].map(|side| part(&self.evidence.by_moduli[side], &[pose], nodes));
+        let floor_mm = shape.floor_mm(&own, &moduli);
+        [shape.without_rigid_mm(&before), shape.without_rigid_mm(&after), floor_mm]
     }
 
     fn decide(&self, verdict: &mut Verdict, screening: &Screening, before: &DVector<f64>) {

@@ -12,7 +12,7 @@ use crate::{
     discover::{Candidate, Discovery, PoseGap, VerdictName},
     effects::Effect,
 };
-use mammotwin_data::Failure;
+use mammotwin_data::{Failure, surface::TriMesh};
 use minijinja::{Environment, context};
 use std::collections::BTreeMap;
 
@@ -58,8 +58,11 @@ pub fn render(
         Some(effect) => format!("{} {}", effect.sentence, sentence(&verdict.reason)),
         None => sentence(&verdict.reason),
     };
-    let surfaces = maps(gaps, held_out)?;
-    let maps = surfaces.iter().map(map).collect::<Result<Vec<_>, _>>()?;
+    let surfaces = distances(gaps, held_out)?;
+    let mut maps = Vec::new();
+    for [without, with] in &surfaces {
+        maps.push([map(without)?, map(with)?]);
+    }
     let force = added.and_then(|added| added.force.as_ref()).map(|curves| {
         let line = |(name, points): (&str, &Vec<(f64, f64)>)| Line {
             name: name.into(),
@@ -124,7 +127,7 @@ pub fn render(
         about => about,
         held_out => held_out,
         added => added.is_some(),
-        gaps => gaps.iter().map(|gap| row(gap, added)).collect::<Vec<_>>(),
+        gaps => rows(gaps, added),
         maps => maps,
         force => force,
         limit => format!("{:.1}", screening.limit),
@@ -158,7 +161,8 @@ fn heading(verdict: VerdictName, effect: Option<&Effect>, alike: usize) -> Strin
 fn sentence(text: &str) -> String {
     let mut letters = text.chars();
     let first: String = letters.next().map(|c| c.to_uppercase().collect()).unwrap_or_default();
-    format!("{first}{}.", letters.as_str())
+    let stop = if text.ends_with('.') { "" } else { "." };
+    format!("{first}{}{stop}", letters.as_str())
 }
 
 fn amplitude(candidate: &Candidate) -> String {
@@ -182,64 +186,72 @@ fn candidate(c: &Candidate) -> minijinja::Value {
     }
 }
 
-fn row(gap: &PoseGap, added: Option<&Added>) -> minijinja::Value {
-    let [before, after, floor] = gap.rms_mm;
-    // Only what lies above the floor can be closed.
-    let closed = if before > floor {
-        format!("{:.0} %", 100.0 * (before - after) / (before - floor))
-    } else {
-        "–".into()
-    };
-    let hausdorff = added.and_then(|added| added.modified_hausdorff_mm.get(&gap.pose));
-    let number = |at: usize| hausdorff.map(|pair| format!("{:.2}", pair[at]));
-    context! {
-        pose => gap.pose,
-        before => format!("{before:.2}"),
-        after => format!("{after:.2}"),
-        floor => format!("{floor:.2}"),
-        closed => closed,
-        hausdorff_before => number(0),
-        hausdorff_after => number(1),
-    }
+/// One row a pose; the reference pose has only what the studies say.
+fn rows(gaps: &[PoseGap], added: Option<&Added>) -> Vec<minijinja::Value> {
+    let studies = added.map(|added| &added.modified_hausdorff_mm);
+    let known = |pose: &String| gaps.iter().any(|gap| gap.pose == *pose);
+    let more = studies.into_iter().flat_map(|s| s.keys()).filter(|pose| !known(pose));
+    let of_gaps = gaps.iter().map(|gap| (&gap.pose, Some(gap.rms_mm)));
+    of_gaps
+        .chain(more.map(|pose| (pose, None)))
+        .map(|(pose, rms)| {
+            let number = |at: usize| rms.map_or("–".into(), |rms| format!("{:.2}", rms[at]));
+            // Only what lies above the floor can be closed.
+            let closed = match rms {
+                Some([before, after, floor]) if before > floor => {
+                    format!("{:.0} %", 100.0 * (before - after) / (before - floor))
+                }
+                _ => "–".into(),
+            };
+            let study = studies.and_then(|s| s.get(pose));
+            let whole = |at: usize| study.map_or("–".into(), |pair| format!("{:.2}", pair[at]));
+            context! {
+                pose => pose,
+                before => number(0),
+                after => number(1),
+                floor => number(2),
+                closed => closed,
+                hausdorff_before => whole(0),
+                hausdorff_after => whole(1),
+            }
+        })
+        .collect()
 }
 
 /// Distances without and with the effect, all on one scale; the held-out pose first.
-fn maps(gaps: &[PoseGap], held_out: &str) -> Result<Vec<SurfaceMap>, Failure> {
+fn distances(gaps: &[PoseGap], held_out: &str) -> Result<Vec<[SurfaceMap; 2]>, Failure> {
     let mut order: Vec<&PoseGap> = gaps.iter().collect();
     order.sort_by_key(|gap| gap.pose != held_out);
     let all: Vec<f64> =
         gaps.iter().flat_map(|gap| gap.before_mm.iter().chain(&gap.after_mm).copied()).collect();
     let range = Palette::Diverging.range(&all);
-    let mut maps = Vec::new();
-    for gap in order {
-        for (when, skin, distances) in
-            [("without", &gap.skin[0], &gap.before_mm), ("with", &gap.skin[1], &gap.after_mm)]
-        {
-            let mut values = vec![f64::NAN; skin.points.len()];
-            for (&node, &mm) in gap.active.iter().zip(distances) {
-                let place = values.get_mut(node as usize).ok_or_else(|| {
-                    Failure::BadInput(format!("discovery: {}: no node {node}", gap.pose))
-                })?;
-                *place = mm;
-            }
-            let note = if gap.pose == held_out { ", held out" } else { "" };
-            maps.push(SurfaceMap {
-                title: format!("{}{note}: {when} the effect", gap.pose),
-                caption: format!(
-                    "Simulated skin, painted by its signed distance to the measured one; the errors \
-                     alone leave {:.2} mm rms.",
-                    gap.rms_mm[2]
-                ),
-                surface: skin.clone(),
-                values,
-                label: "distance (mm), positive: simulated outside of measured".into(),
-                palette: Palette::Diverging,
-                range: Some(range),
-                cameras: vec![Camera::Front, Camera::Below],
-            });
+    let map = |gap: &PoseGap, when: &str, skin: &TriMesh, distances: &[f64]| {
+        let mut values = vec![f64::NAN; skin.points.len()];
+        for (&node, &mm) in gap.active.iter().zip(distances) {
+            let place = values.get_mut(node as usize).ok_or_else(|| {
+                Failure::BadInput(format!("discovery: {}: no node {node}", gap.pose))
+            })?;
+            *place = mm;
         }
-    }
-    Ok(maps)
+        let note = if gap.pose == held_out { ", held out" } else { "" };
+        Ok::<_, Failure>(SurfaceMap {
+            title: format!("{}{note}: {when} the effect", gap.pose),
+            caption: String::new(),
+            surface: skin.clone(),
+            values,
+            label: "simulated outside (+) or inside (−) of measured (mm)".into(),
+            palette: Palette::Diverging,
+            range: Some(range),
+            cameras: vec![Camera::Front],
+        })
+    };
+    let pair = |gap: &PoseGap| {
+        Ok([
+            map(gap, "without", &gap.skin[0], &gap.before_mm)?,
+            map(gap, "with", &gap.skin[1], &gap.after_mm)?,
+        ])
+    };
+    order.into_iter().map(pair).collect()
 }
 
 fn cell(cosine: f64) -> minijinja::Value {

@@ -47,6 +47,14 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
             "give at least one of --seeds, and --draws of 1 or more".into(),
         ));
     }
+    if let Some(name) = arguments.effects.iter().find(|name| Effect::named(name).is_none()) {
+        return Err(Failure::Usage(format!(
+            "--effects {name}: no such effect; `mammotwin effects` lists them"
+        )));
+    }
+    let wanted = |effect: &Effect| {
+        arguments.effects.is_empty() || arguments.effects.iter().any(|name| name == effect.name)
+    };
     let out = &arguments.out;
     fs::create_dir_all(out).map_err(|cause| Failure::io(out, cause))?;
     let end = arguments.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * minutes));
@@ -68,8 +76,10 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
         results.extend(nulls(&null, seed, arguments.draws)?);
         results.extend(decoys(&null, seed, arguments.draws)?);
         let mut cases = Vec::new();
-        for sigma in SIGMAS {
-            for (effect, amplitude) in severities(&screening, sigma) {
+        // The middle first: a benchmark that is cut short has it.
+        for sigma in [SIGMAS[1], SIGMAS[2], SIGMAS[0]] {
+            let all = severities(&screening, sigma).into_iter();
+            for (effect, amplitude) in all.filter(|(effect, _)| wanted(effect)) {
                 match amplitude {
                     Some(amplitude) => cases.push((effect, amplitude, sigma)),
                     None => results.untestable(effect.name, sigma),
@@ -94,7 +104,8 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
             }
         }
         // Through the whole image path: nothing, then the strongest case of each effect.
-        let strongest = cases.iter().rev().fold(Vec::new(), |mut kept, case| {
+        cases.sort_by(|a, b| b.2.total_cmp(&a.2));
+        let strongest = cases.iter().fold(Vec::new(), |mut kept, case| {
             if kept.iter().all(|(effect, ..): &(&Effect, f64, f64)| effect.name != case.0.name) {
                 kept.push(*case);
             }
