@@ -102,6 +102,9 @@ pub struct BenchmarkArguments {
     /// Hide only these effects
     #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
     pub effects: Vec<String>,
+    /// Severities (standard deviations), in the order in which they are tried
+    #[arg(long, value_name = "SIGMA", value_delimiter = ',', default_value = "5,10,2")]
+    pub sigmas: Vec<f64>,
     /// Begin no case after so many minutes
     #[arg(long, value_name = "N")]
     pub minutes: Option<u64>,

@@ -6,6 +6,7 @@
 //! data. The best are fitted together with the moduli. A pose that the search never saw decides.
 
 mod budget;
+mod clusters;
 mod evidence;
 mod observe;
 mod refit;
@@ -14,6 +15,7 @@ pub mod trial;
 mod verdict;
 
 pub use budget::{Budget, RigidError};
+pub use clusters::Cluster;
 pub use evidence::{Evidence, Gather};
 pub use screen::{Score, Screening};
 pub use verdict::{Candidate, HeldOut, Judge, Verdict, VerdictName};
@@ -67,6 +69,8 @@ pub struct Discovery {
     pub screening: Screening,
     /// The error budget.
     pub budget: Budget,
+    /// Where residuals without an effect are larger than errors leave, moduli refitted.
+    pub clusters: Vec<Cluster>,
     /// Before and after, in the order of the poses.
     pub gaps: Vec<PoseGap>,
 }
@@ -79,6 +83,7 @@ impl Artifact for Discovery {
         file.put_json("verdict", &self.verdict, "the answer")?;
         file.put_json("screening", &self.screening, "score of each effect")?;
         file.put_json("budget", &self.budget, "error budget (mm)")?;
+        file.put_json("clusters", &self.clusters, "places of significant residuals")?;
         let names: Vec<String> = self.gaps.iter().map(|gap| gap.pose.clone()).collect();
         file.put_texts("poses", &names, "poses that were compared")?;
         for gap in &self.gaps {
@@ -116,6 +121,7 @@ impl Artifact for Discovery {
             verdict: file.json("verdict")?,
             screening: file.json("screening")?,
             budget: file.json("budget")?,
+            clusters: file.json("clusters")?,
             gaps,
         })
     }
@@ -126,7 +132,7 @@ type Input = (Evidence, evidence::Input);
 
 impl Stage for Discover {
     const NAME: &'static str = "discover";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "Residuals were weighed with the covariance of the errors of segmentation, registration, \
          chest wall and mesh. A score test asked for each effect of the library whether what the \
          moduli do not absorb of its signature is in the residuals; the threshold is the 99 % quantile \
@@ -158,13 +164,13 @@ impl Stage for Discover {
             plan: model,
             start: &start,
         };
-        let likely = judge.likely(&screening).into_par_iter().map(Some);
+        let likely = judge.likely(&screening);
+        let wishes: Vec<_> = [None].into_iter().chain(likely.iter().copied().map(Some)).collect();
         let mut fits: Vec<(Fitted, Fit)> =
-            [None].into_par_iter().chain(likely.clone()).map(|effect| refit.run(effect)).collect();
+            wishes.into_par_iter().map(|effect| refit.run(effect)).collect();
         let (without, without_fit) = fits.remove(0);
-        let places = judge.likely(&screening).into_iter().map(|(k, _)| k);
         let (fitted, fits): (Vec<Fitted>, Vec<Fit>) = fits.into_iter().unzip();
-        let with: Vec<(usize, Fitted)> = places.zip(fitted).collect();
+        let with: Vec<(usize, Fitted)> = likely.into_iter().map(|(k, _)| k).zip(fitted).collect();
         let verdict = judge.judge(&screening, &without, &with);
 
         let best = verdict.candidates.first();
@@ -190,6 +196,7 @@ impl Stage for Discover {
         Ok(Discovery {
             gaps: evidence.poses.iter().enumerate().map(gap).collect(),
             budget: evidence.budget,
+            clusters: clusters::clusters(&judge, evidence, &mesh.anatomy, &without.residual),
             verdict,
             screening,
         })

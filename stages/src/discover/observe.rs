@@ -118,14 +118,11 @@ impl Shape {
         let basis = DMatrix::from_columns(&self.rigid_modes()).qr().q();
         &basis * (basis.transpose() * residual)
     }
+}
 
-    /// Root mean square (mm) that errors of a covariance leave after the best rigid motion and what
-    /// `fitted` columns (mm) take.
-    pub fn floor_mm(&self, covariance: &DMatrix<f64>, fitted: &[DVector<f64>]) -> f64 {
-        let columns = [&self.rigid_modes()[..], fitted].concat();
-        let basis = DMatrix::from_columns(&columns).qr().q();
-        let left = covariance - &basis * (basis.transpose() * covariance);
-        let left = &left - (&left * &basis) * basis.transpose();
-        (left.trace() / covariance.nrows().max(1) as f64).max(0.0).sqrt()
-    }
+/// What is left of a covariance (mm²) of residuals when the columns `fitted` (mm) are fitted.
+pub(super) fn leftover(covariance: &DMatrix<f64>, fitted: &[DVector<f64>]) -> DMatrix<f64> {
+    let basis = DMatrix::from_columns(fitted).qr().q();
+    let left = covariance - &basis * (basis.transpose() * covariance);
+    &left - (&left * &basis) * basis.transpose()
 }

@@ -1,6 +1,6 @@
 //! Trials of the verdict: drawn errors on evidence that has none, or on less of it.
 
-use super::{Budget, Evidence, Judge, RigidError, Screening, Verdict};
+use super::{Budget, Evidence, RigidError};
 use mammotwin_data::Failure;
 use nalgebra::{DMatrix, DVector};
 use rand::Rng;
@@ -59,12 +59,4 @@ impl Evidence {
         less.signatures.retain(|(effect, _)| effect.name != name);
         less
     }
-}
-
-/// The verdict, as far as residuals are linear in moduli and amplitudes.
-///
-/// # Errors
-/// As [`Judge::new`].
-pub fn verdict(evidence: &Evidence, held_out: &str) -> Result<(Screening, Verdict), Failure> {
-    Ok(Judge::new(evidence, held_out)?.linear(&evidence.residual))
 }

@@ -3,7 +3,7 @@
 use super::{
     budget::Whitener,
     evidence::Evidence,
-    observe::{part, rows},
+    observe::{leftover, part, rows},
     refit::{Fitted, linear},
     screen::Screening,
 };
@@ -124,18 +124,39 @@ impl<'a> Judge<'a> {
                  reference pose"
             )));
         };
+        let shapes = smooth(evidence, &seen);
+        Self::on(evidence, seen, place, shapes)
+    }
+
+    /// A judge of other evidence on the same nodes, e.g. with other errors.
+    ///
+    /// # Errors
+    /// [`Failure::Numerics`] when its errors have no covariance.
+    pub fn again<'b>(&self, evidence: &'b Evidence) -> Result<Judge<'b>, Failure> {
+        Judge::on(evidence, self.seen.clone(), self.held_out, self.smooth.0.clone())
+    }
+
+    fn on(
+        evidence: &'a Evidence,
+        seen: Vec<usize>,
+        held_out: usize,
+        smooth: DMatrix<f64>,
+    ) -> Result<Self, Failure> {
         let Evidence { budget, reference, shapes, meshings, .. } = evidence;
         let covariance = budget.covariance(reference, shapes, meshings);
         let nodes = evidence.nodes();
         let none = || Failure::Numerics("discover: errors without a covariance".into());
         let whiten = |poses: &[usize]| Whitener::new(&covariance, poses, nodes).ok_or_else(none);
+        let rows = rows(&seen, nodes);
+        let own = covariance.select_rows(&rows).select_columns(&rows);
+        let factor = (smooth.transpose() * own * &smooth).cholesky().ok_or_else(none)?;
         Ok(Self {
             whitener: whiten(&seen)?,
-            held_out_whitener: whiten(&[place])?,
-            smooth: smooth(evidence, &seen, &covariance).ok_or_else(none)?,
+            held_out_whitener: whiten(&[held_out])?,
+            smooth: (smooth, factor),
             evidence,
             seen,
-            held_out: place,
+            held_out,
             covariance,
         })
     }
@@ -203,11 +224,23 @@ impl<'a> Judge<'a> {
     ) -> [f64; 3] {
         let (shape, nodes) = (&self.evidence.shapes[pose], self.evidence.nodes());
         let [before, after] = [before, after].map(|all| part(all, &[pose], nodes));
-        let at = pose * nodes;
-        let own = self.covariance.view((at, at), (nodes, nodes)).into_owned();
-        let moduli = [0, 1].map(|side| part(&self.evidence.by_moduli[side], &[pose], nodes));
-        let floor_mm = shape.floor_mm(&own, &moduli);
+        let errors = leftover(&self.covariance_of(pose), &self.fitted(pose));
+        let floor_mm = (errors.trace() / nodes.max(1) as f64).max(0.0).sqrt();
         [shape.without_rigid_mm(&before), shape.without_rigid_mm(&after), floor_mm]
+    }
+
+    /// Covariance (mm²) of the errors of one pose.
+    pub(super) fn covariance_of(&self, pose: usize) -> DMatrix<f64> {
+        let nodes = self.evidence.nodes();
+        let at = pose * nodes;
+        self.covariance.view((at, at), (nodes, nodes)).into_owned()
+    }
+
+    /// What is fitted to the residuals of a pose whatever the effect: rigid motion and moduli (mm).
+    pub(super) fn fitted(&self, pose: usize) -> Vec<DVector<f64>> {
+        let moduli = self.evidence.by_moduli.iter();
+        let moduli = moduli.map(|column| part(column, &[pose], self.evidence.nodes()));
+        self.evidence.shapes[pose].rigid_modes().into_iter().chain(moduli).collect()
     }
 
     fn decide(&self, verdict: &mut Verdict, screening: &Screening, before: &DVector<f64>) {
@@ -332,13 +365,8 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// The smoothest shapes that the residuals of the seen poses may have, pose by pose, and the factor
-/// of their covariance (mm²).
-fn smooth(
-    evidence: &Evidence,
-    seen: &[usize],
-    covariance: &DMatrix<f64>,
-) -> Option<(DMatrix<f64>, Cholesky<f64, Dyn>)> {
+/// The smoothest shapes that the residuals of the seen poses may have, pose by pose, as columns.
+fn smooth(evidence: &Evidence, seen: &[usize]) -> DMatrix<f64> {
     let nodes = evidence.nodes();
     let mut columns: Vec<DVector<f64>> = Vec::new();
     for (block, &p) in seen.iter().enumerate() {
@@ -357,9 +385,5 @@ fn smooth(
             columns.push(column);
         }
     }
-    let shapes = DMatrix::from_columns(&columns);
-    let rows = rows(seen, nodes);
-    let covariance = covariance.select_rows(&rows).select_columns(&rows);
-    let factor = (shapes.transpose() * covariance * &shapes).cholesky()?;
-    Some((shapes, factor))
+    DMatrix::from_columns(&columns)
 }

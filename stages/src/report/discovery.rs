@@ -9,7 +9,7 @@ use super::{
     surface::Camera,
 };
 use crate::{
-    discover::{Candidate, Discovery, PoseGap, VerdictName},
+    discover::{Candidate, Cluster, Discovery, PoseGap, VerdictName},
     effects::Effect,
 };
 use mammotwin_data::{Failure, surface::TriMesh};
@@ -36,7 +36,7 @@ pub fn render(
     added: Option<&Added>,
     methods: &[&str],
 ) -> Result<String, Failure> {
-    let Discovery { verdict, screening, budget, gaps } = found;
+    let Discovery { verdict, screening, budget, clusters, gaps } = found;
     let best = verdict.candidates.first();
     let shown = best.filter(|_| verdict.effect.is_some() || !verdict.set.is_empty());
     let effect = shown.and_then(|best| Effect::named(&best.effect));
@@ -129,6 +129,8 @@ pub fn render(
         added => added.is_some(),
         gaps => rows(gaps, added),
         maps => maps,
+        clusters => clusters.iter().take(MOST_CLUSTERS).map(cluster).collect::<Vec<_>>(),
+        more_clusters => clusters.len().saturating_sub(MOST_CLUSTERS),
         force => force,
         limit => format!("{:.1}", screening.limit),
         bars => bars,
@@ -143,6 +145,19 @@ pub fn render(
         .add_template("discovery.html", include_str!("discovery.html"))
         .and_then(|()| environment.get_template("discovery.html")?.render(page))
         .map_err(|cause| Failure::BadInput(format!("discovery.html: {cause:#}")))
+}
+
+/// Clusters that the page lists.
+const MOST_CLUSTERS: usize = 12;
+
+fn cluster(cluster: &Cluster) -> minijinja::Value {
+    context! {
+        pose => cluster.pose,
+        place => cluster.place,
+        nodes => cluster.nodes.len(),
+        mean => format!("{:+.1}", cluster.mean_mm).replace('-', "−"),
+        z => format!("{:.1}", cluster.largest_z),
+    }
 }
 
 fn heading(verdict: VerdictName, effect: Option<&Effect>, alike: usize) -> String {

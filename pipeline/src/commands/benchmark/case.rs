@@ -53,6 +53,11 @@ impl Case {
         self.out.join(kind).join(format!("{}-{}", self.preset, self.seed)).join(name)
     }
 
+    /// Whether a stage has been computed already.
+    pub fn has(&self, stage: &str) -> bool {
+        self.folder().join("out/cache").join(stage).is_dir()
+    }
+
     /// Makes the volunteer, unless she is there.
     fn study(&self) -> Result<Opened, Failure> {
         let folder = self.folder();

@@ -12,10 +12,7 @@ use crate::{cli::BenchmarkArguments, display::Task};
 use case::{Case, Kind};
 use mammotwin_data::{Failure, progress::Progress};
 use mammotwin_stages::{
-    discover::{
-        Evidence, RigidError, Score, Screening, Verdict,
-        trial::{Errors, verdict},
-    },
+    discover::{Evidence, Judge, RigidError, Score, Screening, Verdict, trial::Errors},
     effects::Effect,
     volunteer::PoseName,
 };
@@ -32,7 +29,7 @@ use tally::{Tier, Trial};
 
 /// The pose that no search sees.
 const HELD_OUT: PoseName = PoseName::Tilted;
-/// Severities (standard deviations, after the moduli took what they can).
+/// Severities of the tables (standard deviations, after the moduli took what they can).
 const SIGMAS: [f64; 3] = [2.0, 5.0, 10.0];
 /// What registration leaves: measured on volunteers.
 const RIGID: RigidError = RigidError { shift_mm: 0.35, turn: 0.0025 };
@@ -61,7 +58,7 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     let late = || end.is_some_and(|end| Instant::now() >= end);
     let task = Task::new("benchmark");
     let mut results = tally::Results::default();
-    'seeds: for &seed in &arguments.seeds {
+    for &seed in &arguments.seeds {
         let case = |hidden: Option<(&'static Effect, f64)>, sigma: f64, kind: Kind| Case {
             out: out.clone(),
             preset: arguments.preset.clone(),
@@ -72,12 +69,11 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
         };
         task.report(0.0, &format!("seed {seed}: nothing hidden"));
         let null = case(None, 0.0, Kind::Exact).evidence()?;
-        let (screening, _) = verdict(&null, HELD_OUT.name())?;
+        let (screening, _) = Judge::new(&null, HELD_OUT.name())?.linear(&null.residual);
         results.extend(nulls(&null, seed, arguments.draws)?);
         results.extend(decoys(&null, seed, arguments.draws)?);
         let mut cases = Vec::new();
-        // The middle first: a benchmark that is cut short has it.
-        for sigma in [SIGMAS[1], SIGMAS[2], SIGMAS[0]] {
+        for &sigma in &arguments.sigmas {
             let all = severities(&screening, sigma).into_iter();
             for (effect, amplitude) in all.filter(|(effect, _)| wanted(effect)) {
                 match amplitude {
@@ -87,14 +83,15 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
             }
         }
         for (n, &(effect, amplitude, sigma)) in cases.iter().enumerate() {
-            if late() {
-                break 'seeds;
+            let case = case(Some((effect, amplitude)), sigma, Kind::Exact);
+            if late() && !case.has("evidence") {
+                continue;
             }
             task.report(
                 n as f64 / cases.len() as f64,
                 &format!("seed {seed}: {} at {sigma} sigma", effect.name),
             );
-            match case(Some((effect, amplitude)), sigma, Kind::Exact).evidence() {
+            match case.evidence() {
                 Ok(evidence) => {
                     let hidden = (effect, amplitude, sigma);
                     results.extend(singles(&evidence, &null, seed, hidden, arguments.draws)?);
@@ -113,12 +110,12 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
         });
         let scanned = [None].into_iter().chain(strongest.into_iter().map(Some));
         for hidden in scanned.take(arguments.images) {
-            if late() {
-                break 'seeds;
-            }
             let (name, sigma) = hidden.map_or(("nothing", 0.0), |(e, _, sigma)| (e.name, sigma));
             task.report(0.5, &format!("seed {seed}: {name} at {sigma} sigma through the images"));
             let imaged = case(hidden.map(|(effect, a, _)| (effect, a)), sigma, Kind::Imaged);
+            if late() && !imaged.has("discover") {
+                continue;
+            }
             match imaged.discovery() {
                 Ok(found) => {
                     let truth = hidden.map(|(effect, amplitude, _)| (effect.name, amplitude));
@@ -161,12 +158,13 @@ fn tried(
     seed: u64,
     errors: impl Fn(usize, &mut ChaCha8Rng) -> DVector<f64> + Sync,
 ) -> Result<Vec<Verdict>, Failure> {
+    let judge = Judge::new(evidence, HELD_OUT.name())?;
     (0..draws)
         .into_par_iter()
         .map(|draw| {
             let mut random = ChaCha8Rng::seed_from_u64(seed << 20 ^ draw as u64);
             let noisy = evidence.with_errors(&errors(draw, &mut random));
-            Ok(verdict(&noisy, HELD_OUT.name())?.1)
+            Ok(judge.again(&noisy)?.linear(&noisy.residual).1)
         })
         .collect()
 }

@@ -62,7 +62,10 @@ pub fn markdown(results: &Results, arguments: &BenchmarkArguments) -> String {
     confusion(&mut text, results);
     images(&mut text, results);
     let _ = writeln!(text, "## Not tested\n");
-    for sigma in SIGMAS {
+    let mut sigmas: Vec<f64> = results.untestable.iter().map(|(_, sigma)| *sigma).collect();
+    sigmas.sort_by(f64::total_cmp);
+    sigmas.dedup();
+    for sigma in sigmas {
         let names = results.untestable.iter().filter(|(_, s)| *s == sigma);
         let mut names: Vec<&str> = names.map(|(name, _)| name.as_str()).collect();
         names.sort_unstable();
@@ -156,7 +159,7 @@ fn singles(text: &mut String, results: &Results) {
          |---|---|---|---|---|---|---|---|---|"
     );
     for effect in EFFECTS {
-        for sigma in SIGMAS {
+        for sigma in results.sigmas() {
             let cell = results.cell(Tier::Single, effect.name, sigma);
             if cell.is_empty() {
                 continue;
@@ -254,7 +257,7 @@ pub fn chart(results: &Results) -> String {
     };
     let line = |name: &str, holds: fn(&Trial) -> bool| Line {
         name: name.into(),
-        points: SIGMAS.into_iter().filter_map(|sigma| at(sigma, holds)).collect(),
+        points: results.sigmas().into_iter().filter_map(|sigma| at(sigma, holds)).collect(),
     };
     lines(&Chart {
         title: "Detected and named".into(),

@@ -138,6 +138,14 @@ impl Results {
         self.trials.iter().filter(move |trial| trial.tier == tier)
     }
 
+    /// Severities of the single effects, rising.
+    pub fn sigmas(&self) -> Vec<f64> {
+        let mut all: Vec<f64> = self.of(Tier::Single).map(|trial| trial.sigma).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        all
+    }
+
     /// The trials of one effect and severity.
     pub fn cell(&self, tier: Tier, effect: &str, sigma: f64) -> Vec<&Trial> {
         self.of(tier).filter(|t| t.truth == Some(effect) && t.sigma == sigma).collect()
