@@ -73,7 +73,7 @@ impl Pressing {
     }
 
     /// Cosine between the plate's normal here and the axis of the compression.
-    fn facing(&self, axis: &Vec3) -> f64 {
+    pub fn facing(&self, axis: &Vec3) -> f64 {
         self.force_mn.try_normalize(0.0).map_or(0.0, |normal| normal.dot(axis).abs())
     }
 
@@ -111,6 +111,8 @@ pub struct Step {
     pub roll_rad: f64,
     /// How far (mm) the paddle has given way at most where it is touched, by bending, tilt or roll.
     pub deflection_mm: f64,
+    /// Smallest and largest distance of the plates (mm) where skin touches the paddle's face.
+    pub gaps_mm: [f64; 2],
     /// Force of the paddle along the axis (mN), positive when pressing.
     pub paddle_force_mn: f64,
     /// Force of the receptor along the axis (mN), positive when pressing.

