@@ -132,12 +132,14 @@ impl Compression {
         TriMesh { points: self.solution.points.clone(), triangles }
     }
 
-    /// Area (mm²) of both plates that the skin around each node covers, as seen along the
-    /// compression: an upright front has none.
+    /// Area (mm²) of both plates' faces that the skin around each node covers, as seen along the
+    /// compression; their upright fronts do not count.
     pub fn face_areas_mm2(&self) -> Vec<f64> {
-        let mut areas = vec![0.0; self.mesh.points.len()];
+        let (mut areas, axis) = (vec![0.0; self.mesh.points.len()], Vec3::z());
         for one in self.plates.iter().flat_map(|plate| plate.touched()) {
-            areas[one.node as usize] += one.face_area(&Vec3::z());
+            if !one.is_front(&axis) {
+                areas[one.node as usize] += one.face_area(&axis);
+            }
         }
         areas
     }

@@ -1,6 +1,7 @@
 //! One function for each command.
 
 pub mod check;
+pub mod compare;
 pub mod discover;
 pub mod dose;
 pub mod effects;
@@ -44,6 +45,8 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Gc(arguments) => keep::gc(arguments),
         Command::Inspect(arguments) => inspect::inspect(arguments),
         Command::Study(StudyCommand::Dose(arguments)) => dose::dose(arguments),
+        Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),
+        Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),
     }
 }
 
