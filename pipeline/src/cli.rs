@@ -70,6 +70,12 @@ pub enum StudyCommand {
     /// How often `discover` names what was hidden: volunteers with hidden effects, scored
     #[command(after_help = BENCHMARK_HELP)]
     Discovery(BenchmarkArguments),
+    /// One breast under several paddles: comfort, image, dose; table, charts, page
+    #[command(after_help = PADDLES_EXAMPLES)]
+    Paddles(PaddlesArguments),
+    /// One breast with the paddle at several distances from the chest wall
+    #[command(after_help = POSITIONS_EXAMPLES)]
+    Positions(PositionsArguments),
 }
 
 const BENCHMARK_HELP: &str = "\
@@ -110,6 +116,47 @@ pub struct BenchmarkArguments {
     pub minutes: Option<u64>,
 }
 
+/// The study of paddles.
+#[derive(Debug, Clone, Args)]
+pub struct PaddlesArguments {
+    /// The study
+    #[command(flatten)]
+    pub study: StudyArguments,
+    /// Paddles to compare; the first one is what the others are compared with
+    #[arg(
+        long,
+        value_name = "PADDLE",
+        value_delimiter = ',',
+        default_value = "rigid,flex,elastic,tilting,curved"
+    )]
+    pub paddles: Vec<String>,
+    /// Forces, pressures and stresses only; no mammogram, no dose
+    #[arg(long)]
+    pub no_picture: bool,
+}
+
+/// The study of positions.
+#[derive(Debug, Clone, Args)]
+pub struct PositionsArguments {
+    /// The study
+    #[command(flatten)]
+    pub study: StudyArguments,
+    /// Distances (mm) from the chest wall to the paddle's edge, the farthest first
+    #[arg(long, value_name = "MM", value_delimiter = ',', default_value = "48,40,33")]
+    pub distances: Vec<f64>,
+    /// Paddles, each at every distance
+    #[arg(
+        long,
+        value_name = "PADDLE",
+        value_delimiter = ',',
+        default_value = "elastic,rigid,flex"
+    )]
+    pub paddles: Vec<String>,
+    /// Forces, pressures and stresses only; no mammogram, no dose
+    #[arg(long)]
+    pub no_picture: bool,
+}
+
 /// The study of dose.
 #[derive(Debug, Clone, Args)]
 pub struct DoseArguments {
@@ -139,6 +186,21 @@ both.
 Examples:
   mammotwin discover study.toml
   mammotwin discover study.toml --held-out tilted --json";
+
+const PADDLES_EXAMPLES: &str = "\
+Every paddle presses the breast of the study until the study's stop rule. Results that are there are
+used again; files go to studies/paddles in the output folder.
+
+Examples:
+  mammotwin study paddles study.toml
+  mammotwin study paddles study.toml --paddles rigid,flex --no-picture";
+
+const POSITIONS_EXAMPLES: &str = "\
+Results that are there are used again; files go to studies/positions in the output folder.
+
+Examples:
+  mammotwin study positions study.toml
+  mammotwin study positions study.toml --distances 20,15,10 --paddles elastic";
 
 const GC_HELP: &str = "\
 Kept are the results of the study as it is now, results whose need is not known before other

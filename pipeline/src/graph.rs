@@ -50,8 +50,15 @@ pub struct Outcome {
     pub calibration: Stored<Calibration>,
     /// By pose name.
     pub validations: BTreeMap<String, Stored<Validation>>,
-    /// The compression, if the study asks for one.
-    pub compression: Option<Stored<Compression>>,
+    /// The compressed breast, if the study asks for one.
+    pub squeezed: Option<Squeezed>,
+}
+
+/// Handles on what was made of one compression.
+#[derive(Debug)]
+pub struct Squeezed {
+    /// The compression.
+    pub compression: Stored<Compression>,
     /// The phantom, if the study asks for a picture.
     pub phantom: Option<Stored<CompressedPhantom>>,
     /// The pictures.
@@ -77,6 +84,34 @@ pub struct PoseOutcome {
 
 /// Calls the stages of a study.
 pub fn run(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
+    let mut outcome = body(study, run)?;
+    if let Some(plan) = &study.compress {
+        let parts = (&outcome.mesh, &outcome.calibration);
+        outcome.squeezed = Some(squeeze(study, plan, "", run, parts)?);
+    }
+    deliver(study, run, &outcome)?;
+    Ok(outcome)
+}
+
+/// Compresses the breast of a study in several ways, told apart by their labels. A way that cannot
+/// be gone is named with the reason; the others are gone.
+pub fn squeezes(
+    study: &Study,
+    ways: &[(String, CompressPlan)],
+    run: &Run<'_>,
+) -> Result<Vec<Result<Squeezed, String>>, Failure> {
+    let outcome = body(study, run)?;
+    let parts = (&outcome.mesh, &outcome.calibration);
+    let one = |(label, plan): &(String, CompressPlan)| match squeeze(study, plan, label, run, parts)
+    {
+        Err(Failure::Numerics(why) | Failure::BadInput(why)) => Ok(Err(why)),
+        found => found.map(Ok),
+    };
+    ways.iter().map(one).collect()
+}
+
+/// From images to stress-free shape and moduli.
+fn body(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     let reference = study.reference_pose().to_owned();
     let poses = images(study, &reference, run)?;
     let gravity = gravity(&reference, &study.poses[&reference])?;
@@ -112,22 +147,7 @@ pub fn run(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
         }
     }
 
-    let mut outcome = Outcome {
-        reference,
-        poses,
-        mesh,
-        calibration,
-        validations,
-        compression: None,
-        phantom: None,
-        mammograms: None,
-        metrics: Vec::new(),
-    };
-    if let Some(plan) = &study.compress {
-        squeeze(study, plan, run, &mut outcome)?;
-    }
-    deliver(study, run, &outcome)?;
-    Ok(outcome)
+    Ok(Outcome { reference, poses, mesh, calibration, validations, squeezed: None })
 }
 
 /// What [`discover`] makes.
@@ -172,11 +192,15 @@ pub fn discover(study: &Study, held_out: &str, run: &Run<'_>) -> Result<Found, F
 fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failure> {
     let provenance = provenance(run);
     let validations: Vec<_> = outcome.validations.values().cloned().collect();
-    let Outcome { mesh, calibration, compression, phantom, mammograms, metrics, .. } = outcome;
+    let Outcome { mesh, calibration, squeezed, .. } = outcome;
+    let part = squeezed.as_ref();
+    let metrics = part.map_or(&[][..], |part| &part.metrics);
+    let phantom = part.and_then(|part| part.phantom.as_ref());
 
     let deliver = Deliver { study: study.without_files(), provenance: provenance.clone() };
-    let (squeezed, taken) = (compression.as_ref(), mammograms.as_ref());
-    let inputs = (mesh, calibration, &validations[..], squeezed, taken, &metrics[..]);
+    let squeezed = part.map(|part| &part.compression);
+    let taken = part.and_then(|part| part.mammograms.as_ref());
+    let inputs = (mesh, calibration, &validations[..], squeezed, taken, metrics);
     let results = run.stage("", &deliver, inputs)?;
     run.export("results.h5", &results)?;
 
@@ -207,7 +231,7 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
     };
     let images = (&pictures[..], &surfaces[..], &motions[..]);
     let mechanics = (mesh, calibration, &validations[..]);
-    let squeezed = (squeezed, phantom.as_ref(), taken, &metrics[..]);
+    let squeezed = (squeezed, phantom, taken, metrics);
     let report = run.stage("", &report, (images, mechanics, squeezed))?;
     run.export("report.html", &report)?;
 
@@ -295,29 +319,30 @@ fn images(
 fn squeeze(
     study: &Study,
     plan: &CompressPlan,
+    label: &str,
     run: &Run<'_>,
-    outcome: &mut Outcome,
-) -> Result<(), Failure> {
+    (mesh, calibration): (&Stored<BreastMesh>, &Stored<Calibration>),
+) -> Result<Squeezed, Failure> {
     let compress = Compress { model: study.model.clone(), plan: plan.clone() };
-    let compression = run.stage("", &compress, (&outcome.mesh, &outcome.calibration))?;
-    outcome.metrics.push(run.stage("", &Comfort, &compression)?);
+    let compression = run.stage(label, &compress, (mesh, calibration))?;
+    let comfort = Comfort { plan: study.comfort };
+    let mut metrics = vec![run.stage(label, &comfort, &compression)?];
+    let (mut phantom, mut mammograms) = (None, None);
     if let Some(MammogramPlan { energy_kev, exposure, pixel_mm, monte_carlo, .. }) = study.mammogram
     {
-        let phantom = Phantom { plan: study.mammogram.clone().unwrap_or_default(), seed: SEED };
-        let phantom = run.stage("", &phantom, &compression)?;
+        let filled = Phantom { plan: study.mammogram.clone().unwrap_or_default(), seed: SEED };
+        let filled = run.stage(label, &filled, &compression)?;
         let mammogram = Mammogram { energy_kev, pixel_mm, exposure, seed: SEED };
-        let mammograms = run.stage("", &mammogram, &phantom)?;
+        let taken = run.stage(label, &mammogram, &filled)?;
         let quality = Quality { energy_kev, pixel_mm };
-        outcome.metrics.push(run.stage("", &quality, (&phantom, &mammograms))?);
+        metrics.push(run.stage(label, &quality, (&filled, &taken))?);
         if let Some(plan) = monte_carlo {
             let transport = MonteCarlo { plan, energy_kev, pixel_mm, seed: SEED };
-            outcome.metrics.push(run.stage("", &transport, (&phantom, &mammograms))?);
+            metrics.push(run.stage(label, &transport, (&filled, &taken))?);
         }
-        outcome.phantom = Some(phantom);
-        outcome.mammograms = Some(mammograms);
+        (phantom, mammograms) = (Some(filled), Some(taken));
     }
-    outcome.compression = Some(compression);
-    Ok(())
+    Ok(Squeezed { compression, phantom, mammograms, metrics })
 }
 
 fn gravity(name: &str, pose: &Pose) -> Result<mammotwin_data::Vec3, Failure> {

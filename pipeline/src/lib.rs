@@ -5,6 +5,7 @@
 
 pub mod cli;
 pub mod commands;
+pub mod comparison;
 pub mod display;
 pub mod estimates;
 pub mod graph;

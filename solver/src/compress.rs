@@ -1,18 +1,21 @@
 //! Squeezes a body between a receptor and a paddle, and records force against thickness.
 
-use crate::assemble::State;
+mod press;
+mod stop;
+
+pub use stop::{StopRule, Stops};
+
 use crate::model::{Model, ModelError};
-use crate::newton::Newton;
-use crate::paddles::{Hinge, RoundedPlate};
+use crate::paddles::{AT_REST, Paddle, Pose, RoundedPlate};
 use crate::solve::{self, Options, SolveError};
 use crate::terms::plate::{Plate, PlateKind};
 use crate::terms::{Load, Slip};
 use mammotwin_data::{
     Vec3,
-    progress::{Progress, Silent},
+    progress::Progress,
     solution::{Checks, Solution},
 };
-use std::collections::BTreeMap;
+use press::Press;
 
 /// The two plates, and what they press on.
 #[derive(Debug, Clone)]
@@ -27,8 +30,11 @@ pub struct Plates {
     pub radius_mm: f64,
     /// Coulomb friction between skin and plates.
     pub friction: f64,
-    /// What the paddle tilts about; it does not tilt when there is none.
-    pub hinge: Option<Hinge>,
+    /// Which paddle it is.
+    pub paddle: Paddle,
+    /// Coordinate of the middle of a paddle that bends, rolls or is curved, along `away` × `axis`
+    /// (mm).
+    pub middle_mm: f64,
     /// Skin that the plates may touch; nodes that the model fixes are not touched: no force of a
     /// plate would move them out of its way.
     pub faces: Vec<[u32; 3]>,
@@ -46,16 +52,49 @@ pub struct Closing {
     /// Largest change of the thickness between recorded states (mm).
     pub step_mm: f64,
     /// When it ends.
-    pub stop: Stop,
+    pub stops: Stops,
 }
 
-/// When the plates stop.
+/// What a plate does to a node.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Stop {
-    /// At a distance of the plates (mm).
-    ThicknessMm(f64),
-    /// At a force of the paddle (mN), to 1 %.
-    ForceMn(f64),
+pub struct Pressing {
+    /// The node.
+    pub node: u32,
+    /// Force (mN) of the plate on it, without friction, along the plate's normal.
+    pub force_mn: Vec3,
+    /// Area (mm²) of the plate that the skin around the node covers, along the plate's own surface.
+    pub area_mm2: f64,
+}
+
+impl Pressing {
+    /// Contact pressure (kPa).
+    pub fn pressure_kpa(&self) -> f64 {
+        self.force_mn.norm() / self.area_mm2
+    }
+
+    /// Cosine between the plate's normal here and the axis of the compression.
+    pub fn facing(&self, axis: &Vec3) -> f64 {
+        self.force_mn.try_normalize(0.0).map_or(0.0, |normal| normal.dot(axis).abs())
+    }
+
+    /// Whether the plate is nearer to upright here than to level: its front, which pushes towards
+    /// the chest wall and not at what is between the plates.
+    pub fn is_front(&self, axis: &Vec3) -> bool {
+        self.facing(axis) < std::f64::consts::FRAC_1_SQRT_2
+    }
+
+    /// Area (mm²) as seen along the axis of the compression: pressures over it sum up to the force
+    /// along the axis, and an upright front has none.
+    pub fn face_area(&self, axis: &Vec3) -> f64 {
+        self.area_mm2 * self.facing(axis)
+    }
+
+    /// Area (mm²) of the upright front, as seen across the axis.
+    pub fn front_area(&self, axis: &Vec3) -> f64 {
+        let facing = self.facing(axis);
+        let upright = (1.0 - facing * facing).max(0.0).sqrt();
+        if self.is_front(axis) { self.area_mm2 * upright } else { 0.0 }
+    }
 }
 
 /// One state on the way.
@@ -67,18 +106,31 @@ pub struct Step {
     pub receptor_mm: f64,
     /// Tilt of the paddle (rad), positive when the side of the nipple sinks.
     pub tilt_rad: f64,
+    /// Roll of the paddle about the other axis (rad), positive when its end along
+    /// `away` × `axis` rises.
+    pub roll_rad: f64,
+    /// How far (mm) the paddle has given way at most where it is touched, by bending, tilt or roll.
+    pub deflection_mm: f64,
+    /// Smallest and largest distance of the plates (mm) where skin touches the paddle's face.
+    pub gaps_mm: [f64; 2],
     /// Force of the paddle along the axis (mN), positive when pressing.
     pub paddle_force_mn: f64,
     /// Force of the receptor along the axis (mN), positive when pressing.
     pub receptor_force_mn: f64,
-    /// Area of the paddle that the skin covers (mm²).
+    /// Area of the paddle that the skin covers (mm²), as seen along the axis: without its front.
     pub contact_area_mm2: f64,
+    /// Area of the paddle's upright front that the skin covers (mm²), as seen across the axis.
+    pub front_area_mm2: f64,
     /// Force of the paddle over its contact area (kPa).
     pub mean_pressure_kpa: f64,
     /// Largest contact pressure under either plate (kPa).
     pub peak_pressure_kpa: f64,
     /// Contact pressure of both plates at each node (kPa).
     pub contact_pressure_kpa: Vec<f64>,
+    /// What receptor and paddle do to each node that they touch.
+    pub pressing: [Vec<Pressing>; 2],
+    /// Coordinates of a paddle that gives way.
+    pub pose: Pose,
     /// Node positions (mm).
     pub points: Vec<Vec3>,
 }
@@ -90,6 +142,8 @@ pub struct Compressed {
     pub steps: Vec<Step>,
     /// The last state.
     pub solution: Solution,
+    /// The limit that ended it; `None` when none was reached.
+    pub met: Option<StopRule>,
     /// Why the plates stopped before their goal; `None` when they reached it.
     pub stopped_early: Option<SolveError>,
 }
@@ -118,8 +172,12 @@ impl Plates {
         };
         let fixed = |n: u32| model.fixed()[n as usize] == [true; 3];
         let plate = Plate::new(kind, shape, &model.rest, &self.faces).without(fixed);
-        let axis_mm = self.hinge.map_or(0.0, |hinge| hinge.axis_mm);
-        plate.tilting(axis_mm).slip(Slip::Coulomb(self.friction))
+        let axis_mm = self.paddle.hinge().map_or(0.0, |hinge| hinge.axis_mm);
+        let plate = match self.paddle.lift() {
+            Some(lift) => plate.lifted(lift.clone(), self.middle_mm),
+            None => plate.tilting(axis_mm),
+        };
+        plate.slip(Slip::Coulomb(self.friction))
     }
 
     /// # Errors
@@ -141,16 +199,22 @@ impl Plates {
             ("radius of the edges (mm)", self.radius_mm),
             ("thickness at the start (mm)", closing.thickness_mm),
             ("step (mm)", closing.step_mm),
-            match closing.stop {
-                Stop::ThicknessMm(thickness) => ("final thickness (mm)", thickness),
-                Stop::ForceMn(force) => ("final force (mN)", force),
-            },
         ] {
             if !(value > 0.0 && value.is_finite()) {
                 return refuse(what, value, "give a positive one");
             }
         }
-        for hinge in self.hinge.iter() {
+        let limits = closing.stops.named();
+        if limits.iter().all(|(_, limit)| limit.is_none()) {
+            return refuse("number of stop rules", 0.0, "give one");
+        }
+        for (what, limit) in limits {
+            let limit = limit.unwrap_or(1.0);
+            if !(limit > 0.0 && limit.is_finite()) {
+                return refuse(what, limit, "give a positive one");
+            }
+        }
+        if let Some(hinge) = self.paddle.hinge() {
             if !(hinge.axis_mm.is_finite() && hinge.linear_mn_mm > 0.0) {
                 return refuse(
                     "torque of the hinge (mN mm/rad)",
@@ -174,20 +238,6 @@ impl Plates {
         Ok(())
     }
 }
-
-/// Thinnest gap (mm) that is tried for a force.
-const THINNEST_MM: f64 = 5.0;
-/// A force is met within this part of it.
-const FORCE_TOLERANCE: f64 = 0.01;
-/// Most trials to meet a force.
-const FORCE_TRIALS: usize = 12;
-
-/// Torques are in balance within this part of what turns the paddle.
-const TORQUE_TOLERANCE: f64 = 1e-3;
-/// Largest tilt (rad), largest change of it in one trial, and most trials.
-const LARGEST_TILT: f64 = 0.7;
-const LARGEST_TURN: f64 = 0.05;
-const TILT_TRIALS: usize = 30;
 
 /// Closes the plates on the model, whose nodes begin at `start` (mm) in equilibrium or near it.
 ///
@@ -215,6 +265,7 @@ pub fn compress(
             + closing.receptor_share * (closing.thickness_mm - thickness_mm),
         thickness_mm,
         tilt_rad: 0.0,
+        pose: AT_REST,
     };
     let (newton, state) = solve::prepare(&model, start, at(closing.thickness_mm))?;
     let mut press = Press {
@@ -227,16 +278,15 @@ pub fn compress(
         options,
         counts: Checks::default(),
         softening: None,
+        yielding: None,
     };
     let mut state = state;
     press.walk(&mut state, at(closing.thickness_mm))?;
     let mut steps = vec![press.record(&state)];
-    let goal = match closing.stop {
-        Stop::ThicknessMm(thickness) => thickness,
-        Stop::ForceMn(_) => THINNEST_MM,
-    };
-    let mut stopped_early = None;
-    while state.load.thickness_mm > goal {
+    let stops = &closing.stops;
+    let goal = stops.thinnest_mm();
+    let (mut stopped_early, mut met) = (None, None);
+    while met.is_none() && state.load.thickness_mm > goal {
         let thickness = f64::max(goal, state.load.thickness_mm - closing.step_mm);
         let before = state.clone();
         if let Err(error) = press.walk(&mut state, at(thickness)) {
@@ -244,201 +294,30 @@ pub fn compress(
             break;
         }
         let mut step = press.record(&state);
-        let reached = match closing.stop {
-            Stop::ForceMn(force) if step.paddle_force_mn >= force => {
-                let low = steps.last().map_or(0.0, |s| s.paddle_force_mn);
-                let met = press.meet(&before, low, &state, step.paddle_force_mn, force, &at);
-                match met {
-                    Ok(found) => state = found,
-                    Err(error) => stopped_early = Some(error),
+        if stops.share(&step) >= 1.0 {
+            let shares = [steps.last().map_or(0.0, |s| stops.share(s)), stops.share(&step)];
+            match press.meet(stops, (&before, &state), shares, &at) {
+                Ok(found) => {
+                    state = found;
+                    step = press.record(&state);
                 }
-                step = press.record(&state);
-                true
+                Err(error) => stopped_early = Some(error),
             }
-            _ => false,
-        };
+            met = stops.nearest(&step).map(|(rule, _)| rule);
+        } else if stops.thickness_mm.is_some() && state.load.thickness_mm <= goal {
+            met = Some(StopRule::Thickness);
+        }
         progress.report(
             fraction(closing, &step, goal),
             &format!("{:.1} mm, {:.1} N", step.thickness_mm, step.paddle_force_mn / 1000.0),
         );
         steps.push(step);
-        if reached {
-            break;
-        }
     }
     let solution = solve::finish(&press.newton, &press.model, &state, press.counts)?;
-    Ok(Compressed { steps, solution, stopped_early })
+    Ok(Compressed { steps, solution, met, stopped_early })
 }
 
 fn fraction(closing: &Closing, step: &Step, goal: f64) -> f64 {
-    let done = match closing.stop {
-        Stop::ThicknessMm(_) => {
-            (closing.thickness_mm - step.thickness_mm) / (closing.thickness_mm - goal)
-        }
-        Stop::ForceMn(force) => step.paddle_force_mn / force,
-    };
-    done.clamp(0.0, 1.0)
-}
-
-/// Deformed skin (mm²) around a node.
-#[derive(Default)]
-struct Skin {
-    area: f64,
-    vector: Vec3,
-}
-
-/// Least part of the skin around a node that a plate is taken to touch.
-const LEAST_FACING: f64 = 0.25;
-
-impl Skin {
-    /// Area of a plate with this normal that the skin covers. Pressures are those on the plate: they
-    /// add up to its force whether or not the skin is folded under it.
-    fn facing(&self, normal: Vec3) -> f64 {
-        self.vector.dot(&normal).max(LEAST_FACING * self.area)
-    }
-}
-
-fn area_vectors(points: &[Vec3], faces: &[[u32; 3]]) -> BTreeMap<u32, Skin> {
-    let mut skins: BTreeMap<u32, Skin> = BTreeMap::new();
-    for face in faces {
-        let [a, b, c] = face.map(|n| points[n as usize]);
-        let third = (b - a).cross(&(c - a)) / 6.0;
-        for &n in face {
-            let skin = skins.entry(n).or_default();
-            skin.area += third.norm();
-            skin.vector += third;
-        }
-    }
-    skins
-}
-
-/// A model between plates.
-struct Press<'a> {
-    model: Model,
-    plates: &'a Plates,
-    receptor: Plate,
-    paddle: Plate,
-    /// Of receptor and paddle among the terms.
-    indices: [usize; 2],
-    newton: Newton,
-    options: &'a Options,
-    counts: Checks,
-    /// How the torque that is out of balance changes with the tilt (mN mm/rad), as last seen.
-    softening: Option<f64>,
-}
-
-impl Press<'_> {
-    fn walk(&mut self, state: &mut State, load: Load) -> Result<(), SolveError> {
-        match self.plates.hinge {
-            Some(hinge) => self.turn(&hinge, state, load),
-            None => self.walk_rigid(state, load),
-        }
-    }
-
-    fn walk_rigid(&mut self, state: &mut State, load: Load) -> Result<(), SolveError> {
-        let counts = &mut self.counts;
-        solve::walk(&mut self.newton, &self.model, state, load, self.options, counts, &Silent)
-    }
-
-    /// Walks to `load` with the tilt at which body and hinge are in balance: a secant within a
-    /// bracket, for the more the paddle tilts the less the body turns it.
-    fn turn(&mut self, hinge: &Hinge, state: &mut State, load: Load) -> Result<(), SolveError> {
-        let mut tilt = state.load.tilt_rad;
-        let (mut least, mut most) = (-LARGEST_TILT, LARGEST_TILT);
-        let mut last: Option<(f64, f64)> = None;
-        for _ in 0..TILT_TRIALS {
-            let mut trial = state.clone();
-            self.walk_rigid(&mut trial, Load { tilt_rad: tilt, ..load })?;
-            let (torque, size) = self.paddle.torque(&trial.at(self.indices[1]));
-            let off = torque - hinge.torque(tilt);
-            tracing::debug!(tilt, torque, off, "hinge");
-            if off.abs() <= TORQUE_TOLERANCE * size.max(hinge.torque(tilt).abs()) {
-                *state = trial;
-                return Ok(());
-            }
-            if let Some((tilt_before, off_before)) = last {
-                let slope = (off - off_before) / (tilt - tilt_before);
-                self.softening = (slope < 0.0).then_some(slope);
-            }
-            last = Some((tilt, off));
-            *(if off > 0.0 { &mut least } else { &mut most }) = tilt;
-            let slope = self.softening.unwrap_or(-hinge.stiffness(tilt));
-            let next = tilt + (-off / slope).clamp(-LARGEST_TURN, LARGEST_TURN);
-            let inside = next > least && next < most;
-            tilt = if inside { next } else { 0.5 * (least + most) };
-        }
-        Err(SolveError::Hinge { thickness_mm: load.thickness_mm })
-    }
-
-    /// The state between `thick` and `thin` at which the paddle's force is `force` (mN).
-    fn meet(
-        &mut self,
-        thick: &State,
-        low_mn: f64,
-        thin: &State,
-        high_mn: f64,
-        force_mn: f64,
-        at: &impl Fn(f64) -> Load,
-    ) -> Result<State, SolveError> {
-        let (mut wide, mut wide_mn) = (thick.load.thickness_mm, low_mn);
-        let (mut narrow, mut narrow_mn) = (thin.load.thickness_mm, high_mn);
-        let mut found = thin.clone();
-        for _ in 0..FORCE_TRIALS {
-            if (narrow_mn / force_mn - 1.0).abs() <= FORCE_TOLERANCE {
-                break;
-            }
-            // The force curves upwards: stay away from the ends of the bracket.
-            let part = ((force_mn - wide_mn) / (narrow_mn - wide_mn)).clamp(0.1, 0.9);
-            let thickness = wide + part * (narrow - wide);
-            let mut trial = thick.clone();
-            self.walk(&mut trial, at(thickness))?;
-            let trial_mn = self.record(&trial).paddle_force_mn;
-            if (trial_mn / force_mn - 1.0).abs() <= FORCE_TOLERANCE {
-                return Ok(trial);
-            }
-            if trial_mn < force_mn {
-                (wide, wide_mn) = (thickness, trial_mn);
-            } else {
-                (narrow, narrow_mn) = (thickness, trial_mn);
-                found = trial;
-            }
-        }
-        Ok(found)
-    }
-
-    fn record(&self, state: &State) -> Step {
-        let axis = self.plates.axis;
-        let areas = area_vectors(&state.points, &self.plates.faces);
-        let mut pressures = vec![0.0; state.points.len()];
-        let mut sums = [0.0, 0.0];
-        let mut contact_area = 0.0;
-        for (which, plate) in [&self.receptor, &self.paddle].into_iter().enumerate() {
-            for force in plate.node_forces(&state.at(self.indices[which])) {
-                sums[which] += (force.normal + force.friction).dot(&axis);
-                let Some(normal) = force.normal.try_normalize(0.0) else { continue };
-                let area = areas.get(&force.node).map_or(f64::INFINITY, |a| a.facing(-normal));
-                pressures[force.node as usize] += force.normal.norm() / area;
-                if which == 1 {
-                    contact_area += area;
-                }
-            }
-        }
-        let (receptor_force_mn, paddle_force_mn) = (sums[0], -sums[1]);
-        Step {
-            thickness_mm: state.load.thickness_mm,
-            receptor_mm: state.load.receptor_mm,
-            tilt_rad: state.load.tilt_rad,
-            paddle_force_mn,
-            receptor_force_mn,
-            contact_area_mm2: contact_area,
-            mean_pressure_kpa: if contact_area > 0.0 {
-                paddle_force_mn / contact_area
-            } else {
-                0.0
-            },
-            peak_pressure_kpa: pressures.iter().copied().fold(0.0, f64::max),
-            contact_pressure_kpa: pressures,
-            points: state.points.clone(),
-        }
-    }
+    let closed = (closing.thickness_mm - step.thickness_mm) / (closing.thickness_mm - goal);
+    f64::max(closed, closing.stops.share(step)).clamp(0.0, 1.0)
 }

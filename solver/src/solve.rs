@@ -55,12 +55,12 @@ pub enum SolveError {
         /// Number of start positions.
         got: usize,
     },
-    /// A paddle that turns without end.
+    /// A paddle that turns or bends without end.
     #[error(
-        "the paddle finds no tilt at {thickness_mm:.1} mm at which hinge and breast are in balance; \
-         stiffen the hinge"
+        "the paddle finds no place at {thickness_mm:.1} mm at which it and the breast are in balance; \
+         stiffen its hinge or plate"
     )]
-    Hinge {
+    Paddle {
         /// Distance of the plates (mm).
         thickness_mm: f64,
     },

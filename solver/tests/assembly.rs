@@ -55,7 +55,7 @@ fn gradient_and_matrix_are_derivatives_of_the_energy() {
     let wave = |n: f64| Vec3::new((1.3 * n).sin(), (2.1 * n).cos(), (0.7 * n + 1.0).sin());
     let points: Vec<Vec3> =
         model.rest.iter().enumerate().map(|(n, p)| 1.02 * p + 0.3 * wave(n as f64)).collect();
-    let load = Load { gravity: 0.7, receptor_mm: 0.5, thickness_mm: 14.5, tilt_rad: 0.0 };
+    let load = Load { gravity: 0.7, receptor_mm: 0.5, thickness_mm: 14.5, ..Load::GRAVITY };
     let mut state = State::new(&model, points.clone(), load);
     state.update_multipliers(&model);
     let contact = state.contact(&model);

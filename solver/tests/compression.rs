@@ -10,9 +10,9 @@ mod common;
 
 use common::{Body, coarse, fine};
 use mammotwin_data::{Vec3, mesh::Patch, progress::Silent, study::LawName};
-use mammotwin_solver::compress::{Closing, Compressed, Plates, Step, Stop, compress};
+use mammotwin_solver::compress::{Closing, Compressed, Plates, Step, Stops, compress};
 use mammotwin_solver::materials::Law;
-use mammotwin_solver::paddles::{Hinge, RoundedPlate};
+use mammotwin_solver::paddles::{Hinge, Paddle, RoundedPlate};
 use mammotwin_solver::terms::Bulk;
 use mammotwin_solver::{Model, Options};
 
@@ -43,7 +43,8 @@ fn press(
         edge_mm: EDGE_MM,
         radius_mm,
         friction,
-        hinge,
+        paddle: hinge.map_or(Paddle::Rigid, Paddle::Flex),
+        middle_mm: 0.0,
         faces: mesh.patch(Patch::Skin).to_vec(),
     };
     let closing = Closing {
@@ -51,7 +52,7 @@ fn press(
         thickness_mm: 132.0,
         receptor_share: 0.5,
         step_mm: 5.0,
-        stop: Stop::ThicknessMm(goal_mm),
+        stops: Stops::at_thickness(goal_mm),
     };
     let clock = std::time::Instant::now();
     let done =
@@ -77,7 +78,7 @@ fn press(
 /// with.
 #[track_caller]
 fn integrates(plates: &Plates, step: &Step) {
-    let Plates { axis, away, edge_mm, radius_mm, .. } = *plates;
+    let &Plates { axis, away, edge_mm, radius_mm, .. } = plates;
     let middle = step.receptor_mm + 0.5 * step.thickness_mm;
     let mut forces = [0.0, 0.0];
     for face in &plates.faces {

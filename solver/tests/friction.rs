@@ -12,8 +12,9 @@ use mammotwin_data::{
     Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, solution::Solution, study::LawName,
 };
 use mammotwin_solver::assemble::{Assembly, State};
-use mammotwin_solver::compress::{Closing, Plates, Stop, compress};
+use mammotwin_solver::compress::{Closing, Plates, Stops, compress};
 use mammotwin_solver::materials::Law;
+use mammotwin_solver::paddles::Paddle;
 use mammotwin_solver::solve::follow;
 use mammotwin_solver::terms::{
     Bulk, Cable, Cables, Gravity, Load, Membrane, Opening, Sliding, Slip, Term,
@@ -306,7 +307,8 @@ fn plates_with_friction_hold_what_they_touch() {
             edge_mm: -1e3,
             radius_mm: 1.0,
             friction,
-            hinge: None,
+            paddle: Paddle::Rigid,
+            middle_mm: 0.0,
             faces: faces.collect(),
         };
         let closing = Closing {
@@ -314,7 +316,7 @@ fn plates_with_friction_hold_what_they_touch() {
             thickness_mm: 20.0,
             receptor_share: 0.0,
             step_mm: 2.0,
-            stop: Stop::ThicknessMm(14.0),
+            stops: Stops::at_thickness(14.0),
         };
         compress(model, &plates, &closing, &mesh.points, &Options::default(), &Silent).unwrap()
     };

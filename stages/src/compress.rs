@@ -1,5 +1,7 @@
 //! One breast between paddle and receptor.
 
+mod paddle;
+
 use crate::{
     calibrate::Calibration,
     mesh::BreastMesh,
@@ -14,13 +16,12 @@ use mammotwin_data::{
     rigid::RigidTransform,
     solution::Solution,
     store::{Artifact, Stage},
-    study::{CompressPlan, HingePlan, ModelPlan, PaddleName, Stop},
+    study::{CompressPlan, ModelPlan},
     surface::TriMesh,
     units::NEWTON,
 };
-use mammotwin_solver::{
-    Options, SolveError, compress as press, mesh::crop::crop, paddles::Hinge, solve,
-};
+use mammotwin_imaging::xray::dose::nominal_thickness_mm;
+use mammotwin_solver::{Options, SolveError, compress as press, mesh::crop::crop, solve};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -44,12 +45,48 @@ pub struct Course {
     pub force_n: Vec<f64>,
     /// Force of the receptor (N).
     pub receptor_force_n: Vec<f64>,
-    /// Contact area of the paddle (mm²).
+    /// Roll of the paddle about the axis away from the chest wall (degrees).
+    pub roll_deg: Vec<f64>,
+    /// How far (mm) the paddle gives way at most where it is touched, by bending, tilt or roll.
+    pub deflection_mm: Vec<f64>,
+    /// Contact area of the paddle (mm²), as seen along the compression: without its front.
     pub contact_area_mm2: Vec<f64>,
-    /// Mean pressure under the paddle (kPa).
+    /// Contact area of the paddle's upright front (mm²), as seen across the compression.
+    pub front_area_mm2: Vec<f64>,
+    /// Force of the paddle over its contact area (kPa).
     pub mean_pressure_kpa: Vec<f64>,
     /// Largest pressure under either plate (kPa).
     pub peak_pressure_kpa: Vec<f64>,
+}
+
+/// What a plate does at the end, node by node.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PlateContact {
+    /// Force of the plate on each node, along the plate's normal, without friction (mN).
+    pub force_mn: Vec<Vec3>,
+    /// Area of the plate that the skin around each node covers, along the plate's surface (mm²).
+    pub area_mm2: Vec<f64>,
+}
+
+impl PlateContact {
+    fn of(pressing: &[press::Pressing], nodes: usize, to_detector: &RigidTransform) -> Self {
+        let mut contact = Self { force_mn: vec![Vec3::zeros(); nodes], area_mm2: vec![0.0; nodes] };
+        for one in pressing {
+            contact.force_mn[one.node as usize] = to_detector.direction(&one.force_mn);
+            contact.area_mm2[one.node as usize] = one.area_mm2;
+        }
+        contact
+    }
+
+    /// The nodes that it touches, in the detector's frame.
+    pub fn touched(&self) -> impl Iterator<Item = press::Pressing> + '_ {
+        let all = self.force_mn.iter().zip(&self.area_mm2).enumerate();
+        all.filter(|(_, (_, area))| **area > 0.0).map(|(node, (force, area))| press::Pressing {
+            node: node as u32,
+            force_mn: *force,
+            area_mm2: *area,
+        })
+    }
 }
 
 /// A compressed breast, in the detector's frame: x along the chest-wall edge of the plates from the
@@ -64,14 +101,21 @@ pub struct Compression {
     pub solution: Solution,
     /// Contact pressure (kPa) at the nodes.
     pub contact_pressure_kpa: Vec<f64>,
-    /// Distance of the plates at the end (mm).
+    /// What the receptor and the paddle do.
+    pub plates: [PlateContact; 2],
+    /// Distance of the plates at the end (mm), at the frame of a paddle that tilts or bends.
     pub thickness_mm: f64,
+    /// Mean of the smallest and the largest distance of the plates where skin touches the paddle
+    /// (mm): the thickness that a mammogram is given.
+    pub nominal_thickness_mm: f64,
     /// From the reference pose to the detector's frame.
     pub to_detector: RigidTransform,
     /// How they got there.
     pub curve: Course,
     /// Node that is the nipple.
     pub nipple_node: u32,
+    /// The key of `compress.stop` that ended it; `None` when none was reached.
+    pub met: Option<String>,
     /// Why the compression ended before its stop rule; `None` when it was met.
     pub stopped_early: Option<String>,
 }
@@ -88,21 +132,16 @@ impl Compression {
         TriMesh { points: self.solution.points.clone(), triangles }
     }
 
-    /// Contact pressure (kPa) with its area (mm²), node by node, where there is any.
-    pub fn contact_pressures(&self) -> Vec<(f64, f64)> {
-        let skin = TriMesh {
-            points: self.solution.points.clone(),
-            triangles: self.mesh.patch(Patch::Skin).to_vec(),
-        };
-        let mut area = vec![0.0; skin.points.len()];
-        for t in 0..skin.triangles.len() {
-            let third = skin.area_vector(t).norm() / 3.0;
-            for n in skin.triangles[t] {
-                area[n as usize] += third;
+    /// Area (mm²) of both plates' faces that the skin around each node covers, as seen along the
+    /// compression; their upright fronts do not count.
+    pub fn face_areas_mm2(&self) -> Vec<f64> {
+        let (mut areas, axis) = (vec![0.0; self.mesh.points.len()], Vec3::z());
+        for one in self.plates.iter().flat_map(|plate| plate.touched()) {
+            if !one.is_front(&axis) {
+                areas[one.node as usize] += one.face_area(&axis);
             }
         }
-        let both = self.contact_pressure_kpa.iter().copied().zip(area);
-        both.filter(|&(pressure, area)| pressure > 0.0 && area > 0.0).collect()
+        areas
     }
 
     /// The stress-free mesh and the solution in the frame of the reference pose.
@@ -121,8 +160,8 @@ impl Compression {
 
 impl Stage for Compress {
     const NAME: &'static str = "compress";
-    const VERSION: u32 = 4;
-    const METHODS: &'static str = "The breast was compressed between two flat plates, frictionless and fixed in their direction \
+    const VERSION: u32 = 5;
+    const METHODS: &'static str = "The breast was compressed between two plates, flat, frictionless and fixed in their direction \
          unless stated otherwise, their rounded edges along the chest wall under it, from its stress-free shape and without gravity (the thesis \
          neglects its prestress, too).";
     type Input = (BreastMesh, Calibration);
@@ -141,7 +180,7 @@ impl Stage for Compress {
         let part = crop(&whole.mesh, side, whole.anatomy.sternum_x_mm, 0.0);
         let anatomy = Anatomy { breasts: vec![base.clone()], ..whole.anatomy.clone() };
         let body = Body { mesh: &part.mesh, anatomy: &anatomy, ..Body::new(whole, &self.model) };
-        let rest = part.take(&calibration.after.rest);
+        let rest = part.take(self.start(calibration)?);
         let moduli = calibration.after.moduli;
         let law = LawOverride {
             name: self.plan.law.name,
@@ -171,13 +210,18 @@ impl Stage for Compress {
         let near = |n: &u32| base.radius(&part.mesh.points[*n as usize]) < TOUCHED_RADIUS;
         let skin = part.mesh.patch(Patch::Skin).iter();
         // She turns and leans until the plates' edges lie along the chest wall under her breast.
+        let (sin, cos) = self.plan.angle_deg().to_radians().sin_cos();
+        // An oblique paddle comes from above and the middle.
+        let axis = cos * base.cranial - sin * base.lateral;
+        let along = base.normal.cross(&axis);
         let plates = press::Plates {
-            axis: base.cranial,
+            axis,
             away: base.normal,
             edge_mm: base.normal.dot(&base.center) + self.plan.chest_wall_distance_mm,
             radius_mm: EDGE_RADIUS_MM,
             friction: self.plan.friction,
-            hinge: self.hinge(),
+            paddle: paddle::paddle(&self.plan)?,
+            middle_mm: along.dot(&base.center),
             faces: skin.filter(|face| face.iter().all(near)).copied().collect(),
         };
         let nipple_node = nearest(&part.mesh.points, &base.nipple);
@@ -198,15 +242,13 @@ const EDGE_RADIUS_MM: f64 = 6.0;
 const STEP_MM: f64 = 5.0;
 
 impl Compress {
-    fn hinge(&self) -> Option<Hinge> {
-        let HingePlan { axis_mm, linear_n_mm_per_rad, quadratic_n_mm_per_rad2 } =
-            match self.plan.paddle {
-                PaddleName::Rigid => return None,
-                PaddleName::Flex => self.plan.hinge.unwrap_or_default(),
-            };
-        let linear_mn_mm = linear_n_mm_per_rad * NEWTON;
-        let quadratic_mn_mm = quadratic_n_mm_per_rad2 * NEWTON;
-        Some(Hinge { axis_mm, linear_mn_mm, quadratic_mn_mm })
+    /// Nodes of the shape that is taken for free of stress.
+    fn start<'a>(&self, calibration: &'a Calibration) -> Result<&'a [Vec3], Failure> {
+        let Some(name) = &self.plan.start_pose else { return Ok(&calibration.after.rest) };
+        let fit = calibration.after.poses.iter().find(|fit| fit.pose == *name);
+        fit.map(|fit| &fit.solution.points[..]).ok_or_else(|| {
+            Failure::BadInput(format!("compress.start_pose: {name} was not simulated"))
+        })
     }
 
     /// Both plates come alike to the height of the nipple: the receptor is raised to the breast.
@@ -224,27 +266,40 @@ impl Compress {
                 self.plan.chest_wall_distance_mm
             )));
         }
-        let nipple = plates.axis.dot(&points[nipple_node as usize]);
+        let nipple = plates.axis.dot(&points[nipple_node as usize]) + self.plan.receptor_lift_mm;
         let middle = nipple.clamp(low, low + height);
         let thickness_mm = 2.0 * (low + height - middle).max(middle - low);
-        let stop = match self.plan.stop {
-            Stop::ThicknessMm(goal) if goal >= height => {
-                return Err(Failure::BadInput(format!(
-                    "compress.stop.thickness_mm: {goal} mm is more than the {height:.0} mm of \
-                     breast under the paddle; ask for less, or bring the paddle nearer"
-                )));
-            }
-            Stop::ThicknessMm(goal) => press::Stop::ThicknessMm(goal),
-            Stop::ForceN(goal) => press::Stop::ForceMn(goal * NEWTON),
-        };
+        let stop = &self.plan.stop;
+        if let Some(goal) = stop.thickness_mm.filter(|goal| *goal >= height) {
+            return Err(Failure::BadInput(format!(
+                "compress.stop.thickness_mm: {goal} mm is more than the {height:.0} mm of \
+                 breast under the paddle; ask for less, or bring the paddle nearer"
+            )));
+        }
         Ok(press::Closing {
             receptor_mm: middle - 0.5 * thickness_mm,
             thickness_mm,
             receptor_share: 0.5,
             step_mm: STEP_MM,
-            stop,
+            stops: press::Stops {
+                thickness_mm: stop.thickness_mm,
+                force_mn: stop.force_n.map(|force| force * NEWTON),
+                mean_pressure_kpa: stop.mean_pressure_kpa,
+                peak_pressure_kpa: stop.peak_pressure_kpa,
+            },
         })
     }
+}
+
+/// Key of the study.
+fn key(rule: press::StopRule) -> String {
+    match rule {
+        press::StopRule::Thickness => "thickness_mm",
+        press::StopRule::Force => "force_n",
+        press::StopRule::MeanPressure => "mean_pressure_kpa",
+        press::StopRule::PeakPressure => "peak_pressure_kpa",
+    }
+    .into()
 }
 
 fn nearest(points: &[Vec3], place: &Vec3) -> u32 {
@@ -275,7 +330,10 @@ fn result(
         tilt_deg: of(|s| s.tilt_rad.to_degrees()),
         force_n: of(|s| s.paddle_force_mn / NEWTON),
         receptor_force_n: of(|s| s.receptor_force_mn / NEWTON),
+        roll_deg: of(|s| s.roll_rad.to_degrees()),
+        deflection_mm: of(|s| s.deflection_mm),
         contact_area_mm2: of(|s| s.contact_area_mm2),
+        front_area_mm2: of(|s| s.front_area_mm2),
         mean_pressure_kpa: of(|s| s.mean_pressure_kpa),
         peak_pressure_kpa: of(|s| s.peak_pressure_kpa),
     };
@@ -284,18 +342,28 @@ fn result(
     let nipple = &done.solution.points[nipple_node as usize];
     let to_detector = to_detector(plates, last.map_or(0.0, |s| s.receptor_mm), nipple);
     let points = mesh.points.iter().map(|p| to_detector.point(p)).collect();
+    let contact = |which: usize| {
+        last.map(|s| PlateContact::of(&s.pressing[which], nodes, &to_detector)).unwrap_or_default()
+    };
     Compression {
         side,
         mesh: TetMesh { points, ..mesh },
         solution: done.solution.moved(&to_detector),
         contact_pressure_kpa: last.map_or(vec![0.0; nodes], |s| s.contact_pressure_kpa.clone()),
+        plates: [contact(0), contact(1)],
         thickness_mm: last.map_or(0.0, |s| s.thickness_mm),
+        nominal_thickness_mm: last
+            .and_then(|s| nominal_thickness_mm(s.gaps_mm))
+            .unwrap_or_default(),
         to_detector,
         curve,
         nipple_node,
+        met: done.met.map(key),
         stopped_early: done.stopped_early.map(|why| why.to_string()),
     }
 }
+
+const PLATES: [&str; 2] = ["receptor", "paddle"];
 
 impl Artifact for Compression {
     const EXTENSION: &'static str = "h5";
@@ -306,8 +374,17 @@ impl Artifact for Compression {
         file.put_solution("solution", &self.solution)?;
         let pressure = &self.contact_pressure_kpa;
         file.put("contact_pressure", pressure, "kPa", "contact pressure at the nodes")?;
+        for (name, plate) in PLATES.iter().zip(&self.plates) {
+            let force = &plate.force_mn;
+            file.put(&format!("{name}_force"), force, "mN", "force of the plate on each node")?;
+            let area = &plate.area_mm2;
+            file.put(&format!("{name}_area"), area, "mm2", "area of the plate by node")?;
+        }
         file.put_json("side", &self.side, "which breast")?;
         file.put_scalar("thickness", self.thickness_mm, "mm", "distance of the plates")?;
+        let long_name = "mean of smallest and largest distance of the plates over the contact";
+        file.put_scalar("nominal_thickness", self.nominal_thickness_mm, "mm", long_name)?;
+        file.put_json("met", &self.met, "the rule that ended it")?;
         let frame = "from the reference pose to the detector's frame";
         file.put_json("to_detector", &self.to_detector, frame)?;
         file.put_json("course", &self.curve, "the course of the compression")?;
@@ -318,8 +395,17 @@ impl Artifact for Compression {
 
     fn load(path: &Path) -> Result<Self, Failure> {
         let file = hdf5::Reader::open(path)?;
+        let plate = |name: &str| -> Result<PlateContact, Failure> {
+            Ok(PlateContact {
+                force_mn: file.get(&format!("{name}_force"))?,
+                area_mm2: file.get(&format!("{name}_area"))?,
+            })
+        };
         Ok(Self {
             side: file.json("side")?,
+            plates: [plate(PLATES[0])?, plate(PLATES[1])?],
+            nominal_thickness_mm: file.scalar("nominal_thickness")?,
+            met: file.json("met")?,
             mesh: file.mesh("mesh")?,
             solution: file.solution("solution")?,
             contact_pressure_kpa: file.get("contact_pressure")?,
@@ -336,6 +422,7 @@ impl Artifact for Compression {
 mod tests {
     use super::*;
     use mammotwin_data::study;
+    use mammotwin_solver::paddles::Paddle;
 
     /// A triangle of skin 30 mm high stands for the breast.
     fn closing(stop: &str, edge_mm: f64) -> Result<press::Closing, Failure> {
@@ -352,7 +439,8 @@ mod tests {
             edge_mm,
             radius_mm: EDGE_RADIUS_MM,
             friction: 0.0,
-            hinge: None,
+            paddle: Paddle::Rigid,
+            middle_mm: 0.0,
             faces: vec![[0, 1, 2]],
         };
         let points = [[0.0, 40.0, -10.0], [0.0, 40.0, 20.0], [0.0, 50.0, 5.0]].map(Vec3::from);

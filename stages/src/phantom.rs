@@ -27,7 +27,7 @@ pub struct Phantom {
 pub struct CompressedPhantom {
     /// Closed outer surface in the detector's frame (mm), see [`Compression`].
     pub surface: TriMesh,
-    /// Distance of the plates (mm).
+    /// Nominal distance of the plates (mm), see [`Compression`].
     pub thickness_mm: f64,
     /// Tissue and microcalcifications.
     pub plan: MammogramPlan,
@@ -68,7 +68,7 @@ impl Artifact for CompressedPhantom {
 
 impl Stage for Phantom {
     const NAME: &'static str = "phantom";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "The compressed breast was filled with uniform breast tissue and a matrix of irregular \
          aluminium-equivalent microcalcifications at half of its thickness (Mîra 2018, § 5.2.2).";
     type Input = Compression;
@@ -82,7 +82,7 @@ impl Stage for Phantom {
         let (surface, _) = compression.outer_surface().compacted();
         Ok(CompressedPhantom {
             surface,
-            thickness_mm: compression.thickness_mm,
+            thickness_mm: compression.nominal_thickness_mm,
             plan: self.plan.clone(),
             seed: self.seed,
         })

@@ -3,12 +3,17 @@
 //! Unknown keys are refused by serde; `validate` refuses implausible values. Paths are relative
 //! to the folder of the study file.
 
+mod compression;
 mod interface;
 mod law;
 mod locate;
 mod validate;
 mod wording;
 
+pub use compression::{
+    ComfortPlan, CompressLaw, CompressPlan, CurvePlan, GimbalPlan, HingePlan, MLO_ANGLE_DEG,
+    PaddleName, PlatePlan, PlateSupport, StopPlan, View,
+};
 pub use interface::{InterfaceKind, InterfacePlan, InterfaceRegion, RegionPlan};
 pub use law::{BadConstant, LawConstants, LawName, OgdenTerms};
 pub use validate::{CALIBRATED, EFFECTS, LIGAMENTS, StudyError, parse};
@@ -41,6 +46,9 @@ pub struct Study {
     pub calibrate: CalibratePlan,
     /// The compression; none when absent.
     pub compress: Option<CompressPlan>,
+    /// How its comfort is measured.
+    #[serde(default)]
+    pub comfort: ComfortPlan,
     /// The picture; none when absent.
     pub mammogram: Option<MammogramPlan>,
 }
@@ -306,101 +314,6 @@ pub struct CalibratePlan {
     pub parameters: Vec<String>,
     /// How the stress-free shape is found.
     pub stress_free: StressFree,
-}
-
-/// When the paddle stops.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Stop {
-    /// At a distance of the plates (mm).
-    ThicknessMm(f64),
-    /// At a force (N).
-    ForceN(f64),
-}
-
-/// Direction of the compression.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum View {
-    /// Cranio-caudal: paddle from above.
-    #[default]
-    Cc,
-}
-
-/// Kind of paddle.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum PaddleName {
-    /// Flat, does not bend or tilt.
-    #[default]
-    Rigid,
-    /// Flat, tilts about an axis along the chest-wall edge.
-    Flex,
-}
-
-/// The hinge of a flex paddle: its torque is a polynomial of second degree in the tilt.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct HingePlan {
-    /// Distance of the axis from the paddle's chest-wall edge (mm).
-    pub axis_mm: f64,
-    /// Torque by tilt (N mm/rad).
-    pub linear_n_mm_per_rad: f64,
-    /// Torque by tilt squared (N mm/rad²).
-    pub quadratic_n_mm_per_rad2: f64,
-}
-
-impl Default for HingePlan {
-    /// An assumption, not a measurement: 100 N that act 50 mm from the axis tilt the paddle by 5
-    /// degrees, and half of the torque is linear.
-    fn default() -> Self {
-        Self { axis_mm: 60.0, linear_n_mm_per_rad: 28_600.0, quadratic_n_mm_per_rad2: 328_000.0 }
-    }
-}
-
-/// Law and its extras in compression, for breast, skin and fascia alike.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CompressLaw {
-    /// Constitutive law.
-    pub name: LawName,
-    /// Jₘ of the Gent law.
-    pub jm: Option<f64>,
-    /// Constants of the other laws.
-    #[serde(default)]
-    pub constants: LawConstants,
-    /// Poisson's ratio.
-    #[serde(default = "compression_poisson")]
-    pub poisson: f64,
-}
-
-fn compression_poisson() -> f64 {
-    0.499
-}
-
-/// The compression of one breast.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CompressPlan {
-    /// Which breast.
-    pub side: Side,
-    /// Direction.
-    #[serde(default)]
-    pub view: View,
-    /// Paddle.
-    #[serde(default)]
-    pub paddle: PaddleName,
-    /// Hinge of a flex paddle; an assumed one when absent.
-    pub hinge: Option<HingePlan>,
-    /// Distance (mm) from the chest wall to the paddle's edge.
-    pub chest_wall_distance_mm: f64,
-    /// When the paddle stops.
-    pub stop: Stop,
-    /// Law in compression.
-    pub law: CompressLaw,
-    /// Coulomb friction between skin and plates.
-    #[serde(default)]
-    pub friction: f64,
 }
 
 /// How the exposure is set.

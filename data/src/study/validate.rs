@@ -1,8 +1,8 @@
 //! Reads a study and refuses what cannot be meant.
 
 use super::{
-    CompressPlan, LawConstants, LawName, LayerPlan, MammogramPlan, ModelPlan, PaddleName, Pose,
-    RegionPlan, Stop, Study, Use, locate::Places, wording,
+    ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, MammogramPlan, ModelPlan,
+    PaddleName, Pose, RegionPlan, Study, Use, View, locate::Places, wording,
 };
 
 /// Ligaments that the model knows.
@@ -86,6 +86,8 @@ fn check(study: &Study) -> Checked {
         }
     }
     study.compress.as_ref().map_or(Ok(()), compress)?;
+    start(study)?;
+    comfort(&study.comfort)?;
     study.mammogram.as_ref().map_or(Ok(()), mammogram)?;
     if study.mammogram.is_some() && study.compress.is_none() {
         return refuse("mammogram", "needs a compressed breast; add a table [compress]");
@@ -195,23 +197,97 @@ fn layer(path: &str, layer: &LayerPlan) -> Checked {
 
 fn compress(plan: &CompressPlan) -> Checked {
     within("compress.chest_wall_distance_mm", plan.chest_wall_distance_mm, 0.0, 200.0)?;
-    match plan.stop {
-        Stop::ThicknessMm(mm) => within("compress.stop.thickness_mm", mm, 5.0, 200.0)?,
-        Stop::ForceN(n) => within("compress.stop.force_n", n, 0.1, 500.0)?,
+    let stop = &plan.stop;
+    let limits = [
+        ("thickness_mm", stop.thickness_mm, 5.0, 200.0),
+        ("force_n", stop.force_n, 0.001, 500.0),
+        ("mean_pressure_kpa", stop.mean_pressure_kpa, 0.001, 200.0),
+        ("peak_pressure_kpa", stop.peak_pressure_kpa, 0.001, 500.0),
+    ];
+    if limits.iter().all(|limit| limit.1.is_none()) {
+        let names = limits.map(|limit| limit.0).join(", ");
+        return refuse("compress.stop", format!("says nothing; give one or more of: {names}"));
+    }
+    for (key, limit, low, high) in limits {
+        within(&format!("compress.stop.{key}"), limit.unwrap_or(low), low, high)?;
     }
     within("compress.friction", plan.friction, 0.0, 2.0)?;
-    if let Some(hinge) = plan.hinge {
-        if plan.paddle != PaddleName::Flex {
-            let why = "only a flex paddle has one; remove it, or write paddle = \"flex\"";
-            return refuse("compress.hinge", why);
+    within("compress.receptor_lift_mm", plan.receptor_lift_mm, -100.0, 100.0)?;
+    if let Some(angle) = plan.view_angle_deg {
+        if plan.view != View::Mlo {
+            let why = "only an oblique view has one; remove it, or write view = \"mlo\"";
+            return refuse("compress.view_angle_deg", why);
         }
-        within("compress.hinge.axis_mm", hinge.axis_mm, -100.0, 300.0)?;
-        let [linear, quadratic] = [hinge.linear_n_mm_per_rad, hinge.quadratic_n_mm_per_rad2];
-        within("compress.hinge.linear_n_mm_per_rad", linear, 1.0, 1e9)?;
-        within("compress.hinge.quadratic_n_mm_per_rad2", quadratic, 0.0, 1e10)?;
+        within("compress.view_angle_deg", angle, 20.0, 90.0)?;
+    }
+    for (key, given, paddle) in [
+        ("hinge", plan.hinge.is_some(), PaddleName::Flex),
+        ("plate", plan.plate.is_some(), PaddleName::Elastic),
+        ("curve", plan.curve.is_some(), PaddleName::Curved),
+        ("gimbal", plan.gimbal.is_some(), PaddleName::Tilting),
+    ] {
+        if given && plan.paddle != paddle {
+            let name = paddle.name();
+            let why =
+                format!("only a {name} paddle has one; remove it, or write paddle = {name:?}");
+            return refuse(format!("compress.{key}"), why);
+        }
+    }
+    let mut numbers = Vec::new();
+    if let Some(hinge) = plan.hinge {
+        numbers.push(("hinge.axis_mm", hinge.axis_mm, -100.0, 300.0));
+        numbers.push(("hinge.linear_n_mm_per_rad", hinge.linear_n_mm_per_rad, 1.0, 1e9));
+        let quadratic = hinge.quadratic_n_mm_per_rad2;
+        numbers.push(("hinge.quadratic_n_mm_per_rad2", quadratic, 0.0, 1e10));
+    }
+    if let Some(plate) = plan.plate {
+        numbers.push(("plate.width_mm", plate.width_mm, 20.0, 500.0));
+        numbers.push(("plate.depth_mm", plate.depth_mm, 20.0, 500.0));
+        numbers.push(("plate.thickness_mm", plate.thickness_mm, 0.1, 50.0));
+        numbers.push(("plate.young_mpa", plate.young_mpa, 1.0, 1e6));
+        numbers.push(("plate.poisson", plate.poisson, 0.0, 0.49));
+        numbers.push(("plate.lip_mm", plate.lip_mm, 0.0, 100.0));
+    }
+    if let Some(curve) = plan.curve {
+        numbers.push(("curve.rise_mm", curve.rise_mm, 0.0, 100.0));
+        numbers.push(("curve.reach_mm", curve.reach_mm, 5.0, 300.0));
+        numbers.push(("curve.arch_radius_mm", curve.arch_radius_mm.unwrap_or(1e3), 100.0, 1e5));
+    }
+    if let Some(gimbal) = plan.gimbal {
+        numbers.push(("gimbal.axis_mm", gimbal.axis_mm, -100.0, 300.0));
+        numbers.push(("gimbal.tilt_n_mm_per_rad", gimbal.tilt_n_mm_per_rad, 1.0, 1e9));
+        numbers.push(("gimbal.roll_n_mm_per_rad", gimbal.roll_n_mm_per_rad, 1.0, 1e9));
+    }
+    for (key, value, low, high) in numbers {
+        within(&format!("compress.{key}"), value, low, high)?;
     }
     poisson("compress.law.poisson", plan.law.poisson)?;
     law("compress.law", plan.law.name, plan.law.jm, &plan.law.constants)
+}
+
+/// A pose to start from is one that the calibration simulates.
+fn start(study: &Study) -> Checked {
+    let Some(name) = study.compress.as_ref().and_then(|plan| plan.start_pose.as_ref()) else {
+        return Ok(());
+    };
+    match study.poses.get(name) {
+        Some(pose) if pose.usage == Use::Fit => Ok(()),
+        Some(_) => {
+            let why = format!("poses.{name} has use = \"validate\"; name one that is fitted");
+            refuse("compress.start_pose", why)
+        }
+        None => {
+            let names: Vec<_> = study.poses.keys().map(String::as_str).collect();
+            let why = format!("no pose {name:?}; there are: {}", names.join(", "));
+            refuse("compress.start_pose", why)
+        }
+    }
+}
+
+fn comfort(plan: &ComfortPlan) -> Checked {
+    within("comfort.juxtathoracic_mm", plan.juxtathoracic_mm, 1.0, 100.0)?;
+    within("comfort.mat_pitch_mm", plan.mat_pitch_mm, 1.0, 100.0)?;
+    within("comfort.mat_threshold_kpa", plan.mat_threshold_kpa, 0.0, 100.0)
 }
 
 fn mammogram(plan: &MammogramPlan) -> Checked {

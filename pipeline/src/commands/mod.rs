@@ -2,6 +2,7 @@
 
 pub mod benchmark;
 pub mod check;
+pub mod compare;
 pub mod discover;
 pub mod dose;
 pub mod effects;
@@ -46,6 +47,8 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Inspect(arguments) => inspect::inspect(arguments),
         Command::Study(StudyCommand::Dose(arguments)) => dose::dose(arguments),
         Command::Study(StudyCommand::Discovery(arguments)) => benchmark::benchmark(arguments),
+        Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),
+        Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),
     }
 }
 

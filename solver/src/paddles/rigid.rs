@@ -1,5 +1,6 @@
 //! A rigid flat plate with a rounded edge towards the chest wall, endless otherwise.
 
+use super::Bend;
 use mammotwin_data::{Mat3, Vec3};
 
 /// Shape of a plate; where its surface is along `into` is given with each question.
@@ -32,6 +33,22 @@ impl RoundedPlate {
         } else {
             (b - r, -self.into, Mat3::zeros())
         }
+    }
+
+    /// The same with the surface lifted by `bend`, whose derivatives are along `away × into` and
+    /// along `away`. The gradient is longer than one by what the lift is inclined.
+    pub fn lifted_distance(&self, point: &Vec3, level_mm: f64, bend: &Bend) -> (f64, Vec3, Mat3) {
+        let (distance, normal, curvature) = self.distance(point, level_mm + bend.value);
+        let (along, away) = (self.away.cross(&self.into), self.away);
+        let slope = bend.slope[0] * along + bend.slope[1] * away;
+        let [uu, uv, vv] = bend.curvature;
+        let bent = uu * along * along.transpose()
+            + uv * (along * away.transpose() + away * along.transpose())
+            + vv * away * away.transpose();
+        let outwards = -normal.dot(&self.into);
+        let moved = Mat3::identity() - self.into * slope.transpose();
+        let curvature = moved.transpose() * curvature * moved + outwards * bent;
+        (distance, normal + outwards * slope, curvature)
     }
 }
 

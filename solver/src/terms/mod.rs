@@ -35,7 +35,10 @@ pub use quadratic_membrane::QuadraticMembrane;
 pub use sliding::Sliding;
 pub use target::Target;
 
-use crate::materials::MaterialError;
+use crate::{
+    materials::MaterialError,
+    paddles::{AT_REST, Pose},
+};
 use mammotwin_data::{Mat3, Vec3, solution::Solution};
 use nalgebra::{DMatrix, SMatrix};
 
@@ -50,12 +53,14 @@ pub struct Load {
     pub thickness_mm: f64,
     /// Tilt of the paddle (rad), positive when the side of the nipple sinks.
     pub tilt_rad: f64,
+    /// Coordinates of a paddle that is not a flat rigid plate.
+    pub pose: Pose,
 }
 
 impl Load {
     /// All of gravity and no plate near.
     pub const GRAVITY: Self =
-        Self { gravity: 1.0, receptor_mm: -1e6, thickness_mm: 2e6, tilt_rad: 0.0 };
+        Self { gravity: 1.0, receptor_mm: -1e6, thickness_mm: 2e6, tilt_rad: 0.0, pose: AT_REST };
 
     /// Part of the way from one load to another.
     pub fn between(from: Self, to: Self, part: f64) -> Self {
@@ -65,6 +70,7 @@ impl Load {
             receptor_mm: mix(from.receptor_mm, to.receptor_mm),
             thickness_mm: mix(from.thickness_mm, to.thickness_mm),
             tilt_rad: mix(from.tilt_rad, to.tilt_rad),
+            pose: std::array::from_fn(|n| mix(from.pose[n], to.pose[n])),
         }
     }
 }

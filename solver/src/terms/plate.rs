@@ -4,8 +4,9 @@ use super::contact::{Contact, Touch};
 use super::{At, Block, ContactCheck, Load, NodeForce, Opening, Order, Slip, Term};
 use crate::materials::MaterialError;
 use crate::model::ModelError;
-use crate::paddles::{RoundedPlate, hinge::Tilted};
+use crate::paddles::{AT_REST, Lift, Place, Pose, RoundedPlate, hinge::Tilted};
 use mammotwin_data::Vec3;
+use std::sync::Arc;
 
 /// Which of the two plates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,13 +25,25 @@ pub struct Plate {
     contact: Contact,
     /// Distance (mm) of the axis that the plate tilts about from its edge.
     axis_mm: f64,
+    lifted: Option<Lifted>,
+}
+
+/// A plate whose surface is not flat.
+#[derive(Debug, Clone)]
+struct Lifted {
+    lift: Arc<dyn Lift>,
+    /// Unit vector along the chest-wall edge.
+    along: Vec3,
+    /// Coordinate of the plate's middle along it (mm).
+    middle_mm: f64,
 }
 
 impl Plate {
     /// A plate that touches `faces`, without friction; areas are taken with the nodes at `points`
     /// (mm).
     pub fn new(kind: PlateKind, shape: RoundedPlate, points: &[Vec3], faces: &[[u32; 3]]) -> Self {
-        Self { kind, shape, contact: Contact::new(points, faces, Opening::Free), axis_mm: 0.0 }
+        let contact = Contact::new(points, faces, Opening::Free);
+        Self { kind, shape, contact, axis_mm: 0.0, lifted: None }
     }
 
     /// The same plate, which resists slip from where the nodes are at the first load.
@@ -49,6 +62,14 @@ impl Plate {
         self
     }
 
+    /// The same plate, whose surface is lifted by [`Load::pose`] when it is the paddle; its middle
+    /// is at `middle_mm` along away × into (mm).
+    pub fn lifted(mut self, lift: Arc<dyn Lift>, middle_mm: f64) -> Self {
+        let along = self.shape.away.cross(&self.shape.into);
+        self.lifted = Some(Lifted { lift, along, middle_mm });
+        self
+    }
+
     /// The same plate, which leaves some nodes alone.
     pub fn without(mut self, left_alone: impl Fn(u32) -> bool) -> Self {
         self.contact.leave(left_alone);
@@ -64,11 +85,16 @@ impl Plate {
 
     fn touch(&self, element: usize, points: &[Vec3], load: &Load) -> Touch {
         let (point, level) = (&points[self.contact.nodes[element] as usize], self.level(load));
-        let (distance, normal, curvature) = match self.tilted(load) {
-            Some(Tilted { shape, level_mm, .. }) => shape.distance(point, level_mm),
-            None => self.shape.distance(point, level),
+        let (distance, normal, curvature) = match (self.tilted(load), self.bent()) {
+            (Some(Tilted { shape, level_mm, .. }), _) => shape.distance(point, level_mm),
+            (None, Some(lifted)) => {
+                let bend = lifted.lift.bend(lifted.place(&self.shape, point), &load.pose);
+                self.shape.lifted_distance(point, level, &bend)
+            }
+            (None, None) => self.shape.distance(point, level),
         };
-        // Points of a plate that tilts move along its normal, to first order: slip knows not of it.
+        // Points of a plate that tilts or bends move along its normal, to first order: slip knows
+        // not of it.
         Touch { distance, normal, curvature, place: point - level * self.shape.into }
     }
 
@@ -76,6 +102,47 @@ impl Plate {
         let tilts = self.kind == PlateKind::Paddle && load.tilt_rad != 0.0;
         let tilted = || Tilted::new(&self.shape, self.level(load), self.axis_mm, load.tilt_rad);
         tilts.then(tilted)
+    }
+
+    fn bent(&self) -> Option<&Lifted> {
+        self.lifted.as_ref().filter(|_| self.kind == PlateKind::Paddle)
+    }
+
+    /// Force (mN) of the body on the plate along each of its coordinates.
+    pub fn push(&self, at: &At) -> Pose {
+        let mut push = AT_REST;
+        let Some(lifted) = self.bent() else { return push };
+        for force in self.node_forces(at) {
+            let point = &at.points[force.node as usize];
+            let place = lifted.place(&self.shape, point);
+            let (level, bend) = (self.level(&at.load), lifted.lift.bend(place, &at.load.pose));
+            // The force is along the gradient of the distance, whose length is not one.
+            let gradient = self.shape.lifted_distance(point, level, &bend).1;
+            let flat = self.shape.distance(point, level + bend.value).1;
+            let size = force.normal.dot(&gradient) / gradient.norm_squared();
+            let outwards = -size * flat.dot(&self.shape.into);
+            for (sum, weight) in push.iter_mut().zip(lifted.lift.weights(place)) {
+                *sum += outwards * weight;
+            }
+        }
+        push
+    }
+
+    /// How far (mm) its pose lifts a point's place on the plate.
+    pub fn deflection(&self, point: &Vec3, load: &Load) -> f64 {
+        let Some(lifted) = self.bent() else { return 0.0 };
+        let place = lifted.place(&self.shape, point);
+        let at = |pose: &Pose| lifted.lift.bend(place, pose).value;
+        at(&load.pose) - at(&AT_REST)
+    }
+
+    /// Distance (mm) of paddle and receptor at a point's place on the plates.
+    pub fn gap(&self, point: &Vec3, load: &Load) -> f64 {
+        let away = self.shape.away.dot(point) - self.shape.edge_mm;
+        let lift = self.bent().map_or(0.0, |lifted| {
+            lifted.lift.bend(lifted.place(&self.shape, point), &load.pose).value
+        });
+        load.thickness_mm + lift - (away - self.axis_mm) * load.tilt_rad.tan()
     }
 
     /// Torque (mN mm) of the body on the plate about its axis, positive when it turns the side of
@@ -93,6 +160,12 @@ impl Plate {
     /// Force (mN) of the plate on each node that it touches.
     pub fn node_forces(&self, at: &At) -> Vec<NodeForce> {
         self.contact.forces(at, |element| self.touch(element, at.points, &at.load))
+    }
+}
+
+impl Lifted {
+    fn place(&self, shape: &RoundedPlate, point: &Vec3) -> Place {
+        [self.along.dot(point) - self.middle_mm, shape.away.dot(point) - shape.edge_mm]
     }
 }
 

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::materials::Law;
 use crate::mesh::quadratic::QuadraticMesh;
-use crate::paddles::RoundedPlate;
+use crate::paddles::{CurvedPlate, ElasticPlate, Gimbal, Lift, RoundedPlate, Sheet, Support};
 use mammotwin_data::{
     Vec3,
     labels::Tissue,
@@ -211,7 +211,7 @@ fn plate() {
     for (kind, receptor_mm, thickness_mm) in
         [(PlateKind::Receptor, -1.0, 5.0), (PlateKind::Paddle, 0.0, 2.0)]
     {
-        let load = Load { gravity: 1.0, receptor_mm, thickness_mm, tilt_rad: 0.0 };
+        let load = Load { gravity: 1.0, receptor_mm, thickness_mm, ..Load::GRAVITY };
         for friction in [0.0, 0.3] {
             let term = Plate::new(kind, shape, &mesh.points, &faces);
             let term = term.slip(Slip::Coulomb(friction)).unwrap();
@@ -248,7 +248,7 @@ fn a_plate_that_tilts() {
     let plate = plate.tilting(9.0);
     let (points, shear_kpa, pressure) = (&moved(&mesh)[..], &[0.2; 5][..], &[][..]);
     for tilt_rad in [-0.2, 0.0, 0.3] {
-        let load = Load { gravity: 1.0, receptor_mm: 0.0, thickness_mm: 2.0, tilt_rad };
+        let load = Load { receptor_mm: 0.0, thickness_mm: 2.0, tilt_rad, ..Load::GRAVITY };
         check_contact(&plate, &mesh.points, load);
         // The torque is minus the derivative of the energy by the tilt.
         let memory = &plate.first_memory(points, load)[..];
@@ -267,5 +267,60 @@ fn a_plate_that_tilts() {
         let (torque, size) = plate.torque(&at(0.0));
         let want = -(energy(1e-5) - energy(-1e-5)) / 2e-5;
         assert!((torque - want).abs() < 1e-5 * size && size > 0.0, "{torque} for {want}");
+    }
+}
+
+#[test]
+fn a_plate_that_is_lifted() {
+    let mesh = pair();
+    let shape = RoundedPlate {
+        into: Vec3::new(0.0, 0.6, 0.8),
+        away: Vec3::new(0.0, -0.8, 0.6),
+        edge_mm: -6.0,
+        radius_mm: 7.0,
+    };
+    let sheet = Sheet {
+        width_mm: 40.0,
+        depth_mm: 30.0,
+        thickness_mm: 0.2,
+        young_kpa: 1e3,
+        poisson: 0.4,
+        support: Support::Frame,
+        lip_mm: 0.0,
+    };
+    let lifts: [Arc<dyn Lift>; 3] = [
+        Arc::new(ElasticPlate::new(sheet).unwrap()),
+        Arc::new(Gimbal { axis_mm: 5.0, tilt_mn_mm: 1.0, roll_mn_mm: 1.0 }),
+        Arc::new(CurvedPlate { rise_mm: 2.0, reach_mm: 20.0, arch_radius_mm: 50.0 }),
+    ];
+    let (points, shear_kpa, pressure) = (&moved(&mesh)[..], &[0.2; 5][..], &[][..]);
+    for lift in lifts {
+        let plate = Plate::new(PlateKind::Paddle, shape, &mesh.points, &[[0, 1, 3], [1, 4, 3]]);
+        let plate = plate.lifted(lift.clone(), 1.5);
+        let mut pose = crate::paddles::AT_REST;
+        pose[..3].copy_from_slice(&[0.3, -0.2, 0.1]);
+        let load = Load { receptor_mm: 0.0, thickness_mm: 2.0, pose, ..Load::GRAVITY };
+        check_contact(&plate, &mesh.points, load);
+        // The push is minus the derivative of the energy by each coordinate.
+        let memory = &plate.first_memory(points, load)[..];
+        let at = |n: usize, change: f64| {
+            let mut load = load;
+            load.pose[n] += change;
+            At { points, pressure, memory, shear_kpa, load, curvature: Curvature::Exact }
+        };
+        let energy = |at: At| -> f64 {
+            let one = |element: usize| {
+                let mut block = super::Block::ZERO;
+                plate.block(element, &at, super::Order::Value, &mut block).unwrap();
+                block.energy
+            };
+            (0..plate.elements()).map(one).sum()
+        };
+        let push = plate.push(&at(0, 0.0));
+        for n in 0..lift.coordinates() {
+            let want = -(energy(at(n, 1e-5)) - energy(at(n, -1e-5))) / 2e-5;
+            assert!((push[n] - want).abs() < 1e-5 * (1.0 + want.abs()), "{} for {want}", push[n]);
+        }
+        assert!(lift.coordinates() == 0 || push[0] != 0.0);
     }
 }

@@ -36,7 +36,7 @@ bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const METHODS: &'static str = "";
     type Input = (
         BreastMesh,
@@ -75,12 +75,13 @@ impl Stage for Deliver {
         }
         let pressure = compression.as_ref().map(|c| {
             let long_name = "Contact pressure of paddle and receptor";
-            [Field::scalar(
-                "contact_pressure_kpa",
-                "kPa",
-                long_name,
-                c.contact_pressure_kpa.clone(),
-            )]
+            let pressure = c.contact_pressure_kpa.clone();
+            let area = c.face_areas_mm2();
+            let area_name = "Area of the plates' faces that the skin around the node covers";
+            [
+                Field::scalar("contact_pressure_kpa", "kPa", long_name, pressure),
+                Field::scalar("contact_area_mm2", "mm2", area_name, area),
+            ]
         });
         let squeezed = compression.as_ref().map(Compression::in_reference_pose);
         let mut curves = Vec::new();
@@ -127,7 +128,11 @@ fn force_thickness(compression: &Compression) -> Curve {
         columns: vec![
             column("force_n", "N", "Force of the paddle", &curve.force_n),
             column("receptor_force_n", "N", "Force of the receptor", &curve.receptor_force_n),
+            column("tilt_deg", "deg", "Tilt of the paddle", &curve.tilt_deg),
+            column("roll_deg", "deg", "Roll of the paddle", &curve.roll_deg),
+            column("deflection_mm", "mm", "Deflection of the paddle", &curve.deflection_mm),
             column("contact_area_mm2", "mm2", "Contact area", &curve.contact_area_mm2),
+            column("front_area_mm2", "mm2", "Contact area of the front", &curve.front_area_mm2),
             column("mean_pressure_kpa", "kPa", "Mean contact pressure", &curve.mean_pressure_kpa),
             column(
                 "peak_pressure_kpa",

@@ -1,0 +1,262 @@
+//! The compression in a study: paddle, view, position, law, and what ends it.
+
+use super::{LawConstants, LawName};
+use crate::labels::Side;
+use serde::{Deserialize, Serialize};
+
+/// When the paddle stops: at the first of these limits. At least one is given.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StopPlan {
+    /// Distance of the plates (mm), at the frame of a paddle that tilts or bends.
+    pub thickness_mm: Option<f64>,
+    /// Force of the paddle (N).
+    pub force_n: Option<f64>,
+    /// Force of the paddle over the area that it covers (kPa).
+    pub mean_pressure_kpa: Option<f64>,
+    /// Contact pressure anywhere (kPa).
+    pub peak_pressure_kpa: Option<f64>,
+}
+
+/// Direction of the compression.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum View {
+    /// Cranio-caudal: paddle from above.
+    #[default]
+    Cc,
+    /// Medio-lateral oblique: paddle from above and the middle.
+    Mlo,
+}
+
+/// Kind of paddle.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PaddleName {
+    /// Flat, does not bend or tilt.
+    #[default]
+    Rigid,
+    /// Flat, tilts about an axis along the chest-wall edge.
+    Flex,
+    /// A plate that bends in its frame.
+    Elastic,
+    /// Rigid; its surface rises towards the chest wall.
+    Curved,
+    /// Flat, tilts along the chest-wall edge and rolls across it.
+    Tilting,
+}
+
+impl PaddleName {
+    /// All of them.
+    pub const ALL: [Self; 5] =
+        [Self::Rigid, Self::Flex, Self::Elastic, Self::Curved, Self::Tilting];
+
+    /// As written in a study.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rigid => "rigid",
+            Self::Flex => "flex",
+            Self::Elastic => "elastic",
+            Self::Curved => "curved",
+            Self::Tilting => "tilting",
+        }
+    }
+}
+
+/// The hinge of a flex paddle: its torque is a polynomial of second degree in the tilt.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct HingePlan {
+    /// Distance of the axis from the paddle's chest-wall edge (mm).
+    pub axis_mm: f64,
+    /// Torque by tilt (N mm/rad).
+    pub linear_n_mm_per_rad: f64,
+    /// Torque by tilt squared (N mm/rad²).
+    pub quadratic_n_mm_per_rad2: f64,
+}
+
+impl Default for HingePlan {
+    /// An assumption, not a measurement: 100 N that act 50 mm from the axis tilt the paddle by 5
+    /// degrees, and half of the torque is linear.
+    fn default() -> Self {
+        Self { axis_mm: 60.0, linear_n_mm_per_rad: 28_600.0, quadratic_n_mm_per_rad2: 328_000.0 }
+    }
+}
+
+/// Where an elastic paddle is held.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PlateSupport {
+    /// Its sides and rear rest on the frame; the chest-wall edge is free.
+    #[default]
+    Frame,
+    /// All four sides rest on a frame.
+    AllSides,
+    /// The rear is clamped.
+    Rear,
+}
+
+/// An elastic paddle.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlatePlan {
+    /// Length of the chest-wall edge (mm).
+    pub width_mm: f64,
+    /// Length of the sides (mm).
+    pub depth_mm: f64,
+    /// Thickness (mm).
+    pub thickness_mm: f64,
+    /// Young's modulus (MPa).
+    pub young_mpa: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// Where it is held.
+    pub support: PlateSupport,
+    /// Height (mm) of the upright lip along the chest-wall edge; 0 for none.
+    pub lip_mm: f64,
+}
+
+impl Default for PlatePlan {
+    /// 24 x 29 cm, Lexan of 4 mm (Mîra 2018, § 5.1.1). The thesis says neither how its shell was held
+    /// nor whether it had a lip: frame and lip of 20 mm are assumptions.
+    fn default() -> Self {
+        Self {
+            width_mm: 290.0,
+            depth_mm: 240.0,
+            thickness_mm: 4.0,
+            young_mpa: 2250.0,
+            poisson: 0.4,
+            support: PlateSupport::Frame,
+            lip_mm: 20.0,
+        }
+    }
+}
+
+/// A curved paddle.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CurvePlan {
+    /// How far the chest-wall edge lies above the flat part (mm).
+    pub rise_mm: f64,
+    /// From how far away from that edge it rises (mm).
+    pub reach_mm: f64,
+    /// Radius (mm) of the arch along the edge; none when absent.
+    pub arch_radius_mm: Option<f64>,
+}
+
+impl Default for CurvePlan {
+    /// An assumption: no maker's drawing was found.
+    fn default() -> Self {
+        Self { rise_mm: 12.0, reach_mm: 60.0, arch_radius_mm: None }
+    }
+}
+
+/// The gimbal of a tilting paddle.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GimbalPlan {
+    /// Distance of the tilt's axis from the paddle's chest-wall edge (mm).
+    pub axis_mm: f64,
+    /// Torque by tilt (N mm/rad).
+    pub tilt_n_mm_per_rad: f64,
+    /// Torque by roll (N mm/rad).
+    pub roll_n_mm_per_rad: f64,
+}
+
+impl Default for GimbalPlan {
+    /// An assumption: as soft as a flex paddle about both axes.
+    fn default() -> Self {
+        Self { axis_mm: 60.0, tilt_n_mm_per_rad: 57_200.0, roll_n_mm_per_rad: 57_200.0 }
+    }
+}
+
+/// Law and its extras in compression, for breast, skin and fascia alike.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompressLaw {
+    /// Constitutive law.
+    pub name: LawName,
+    /// Jₘ of the Gent law.
+    pub jm: Option<f64>,
+    /// Constants of the other laws.
+    #[serde(default)]
+    pub constants: LawConstants,
+    /// Poisson's ratio.
+    #[serde(default = "compression_poisson")]
+    pub poisson: f64,
+}
+
+fn compression_poisson() -> f64 {
+    0.499
+}
+
+/// The compression of one breast.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CompressPlan {
+    /// Which breast.
+    pub side: Side,
+    /// Direction.
+    #[serde(default)]
+    pub view: View,
+    /// Angle (degrees) between the directions of an oblique and of a cranio-caudal compression.
+    pub view_angle_deg: Option<f64>,
+    /// How far (mm) the middle between the plates is raised above the nipple.
+    #[serde(default)]
+    pub receptor_lift_mm: f64,
+    /// Pose, simulated by the calibration, whose shape is taken for free of stress, as the thesis
+    /// takes the prone one; the stress-free shape when absent.
+    pub start_pose: Option<String>,
+    /// Paddle.
+    #[serde(default)]
+    pub paddle: PaddleName,
+    /// Hinge of a flex paddle; an assumed one when absent.
+    pub hinge: Option<HingePlan>,
+    /// Plate of an elastic paddle; the thesis' one when absent.
+    pub plate: Option<PlatePlan>,
+    /// Shape of a curved paddle; an assumed one when absent.
+    pub curve: Option<CurvePlan>,
+    /// Gimbal of a tilting paddle; an assumed one when absent.
+    pub gimbal: Option<GimbalPlan>,
+    /// Distance (mm) from the chest wall to the paddle's edge.
+    pub chest_wall_distance_mm: f64,
+    /// When the paddle stops.
+    pub stop: StopPlan,
+    /// Law in compression.
+    pub law: CompressLaw,
+    /// Coulomb friction between skin and plates.
+    #[serde(default)]
+    pub friction: f64,
+}
+
+/// Angle (degrees) of an oblique compression of which none is given.
+pub const MLO_ANGLE_DEG: f64 = 45.0;
+
+impl CompressPlan {
+    /// Angle (degrees) between the direction of this compression and the cranio-caudal one.
+    pub fn angle_deg(&self) -> f64 {
+        match self.view {
+            View::Cc => 0.0,
+            View::Mlo => self.view_angle_deg.unwrap_or(MLO_ANGLE_DEG),
+        }
+    }
+}
+
+/// How comfort is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ComfortPlan {
+    /// Tissue within this distance (mm) of the plates' chest-wall edge counts as juxtathoracic.
+    pub juxtathoracic_mm: f64,
+    /// Pitch (mm) of the sensors of the virtual pressure mat under the paddle.
+    pub mat_pitch_mm: f64,
+    /// Least pressure (kPa) that a sensor of the mat shows.
+    pub mat_threshold_kpa: f64,
+}
+
+impl Default for ComfortPlan {
+    /// Assumptions; the thesis calls the region juxtathoracic without a measure.
+    fn default() -> Self {
+        Self { juxtathoracic_mm: 20.0, mat_pitch_mm: 10.0, mat_threshold_kpa: 0.5 }
+    }
+}

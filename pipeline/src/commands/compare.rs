@@ -1,0 +1,142 @@
+//! `mammotwin study paddles` and `mammotwin study positions`: one breast, compressed in several ways.
+
+use super::{Opened, check::refuse_wrong, open};
+use crate::{
+    cli::{PaddlesArguments, PositionsArguments, StudyArguments},
+    comparison::{Found, ThesisStudy, Way, comparisons, curves, page, summary},
+    display::Display,
+    graph,
+    plausible::findings,
+};
+use mammotwin_data::{
+    Failure,
+    store::{self, Drive, Options},
+    study::{CompressPlan, PaddleName},
+};
+use std::{fs, path::Path};
+
+/// Compresses under several paddles.
+pub fn paddles(arguments: &PaddlesArguments) -> Result<(), Failure> {
+    let (opened, plan) = read(&arguments.study, arguments.no_picture)?;
+    let names = named(&arguments.paddles)?;
+    let ways: Vec<_> =
+        names.into_iter().map(|name| (name.name().into(), under(&plan, name))).collect();
+    go(&opened, ThesisStudy::Paddles, "paddles", &ways)
+}
+
+/// Compresses at several distances from the chest wall.
+pub fn positions(arguments: &PositionsArguments) -> Result<(), Failure> {
+    let (opened, plan) = read(&arguments.study, arguments.no_picture)?;
+    let names = named(&arguments.paddles)?;
+    let mut ways = Vec::new();
+    for name in names {
+        for &distance in &arguments.distances {
+            if !(0.0..=200.0).contains(&distance) {
+                let text = format!("--distances: {distance} mm; give 0 to 200");
+                return Err(Failure::Usage(text));
+            }
+            let label = format!("{}_{distance}mm", name.name()).replace('.', "-");
+            let here = CompressPlan { chest_wall_distance_mm: distance, ..under(&plan, name) };
+            if ways.iter().all(|(known, _)| *known != label) {
+                ways.push((label, here));
+            }
+        }
+    }
+    go(&opened, ThesisStudy::Positions, "positions", &ways)
+}
+
+/// The study and its compression.
+fn read(arguments: &StudyArguments, no_picture: bool) -> Result<(Opened, CompressPlan), Failure> {
+    let mut opened = open(arguments)?;
+    if no_picture {
+        opened.study.mammogram = None;
+    }
+    let Some(plan) = opened.study.compress.clone() else {
+        let text = format!("{}: has no table [compress]", arguments.study.display());
+        return Err(Failure::BadInput(text));
+    };
+    Ok((opened, plan))
+}
+
+fn named(words: &[String]) -> Result<Vec<PaddleName>, Failure> {
+    let mut names = Vec::new();
+    for word in words {
+        let known = PaddleName::ALL.into_iter().find(|name| name.name() == word);
+        let Some(name) = known else {
+            let all = PaddleName::ALL.map(PaddleName::name).join(", ");
+            return Err(Failure::Usage(format!("--paddles {word}: not known; there are: {all}")));
+        };
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    Ok(names)
+}
+
+/// The same compression under another paddle, as the study describes it or with assumed numbers.
+fn under(plan: &CompressPlan, paddle: PaddleName) -> CompressPlan {
+    if plan.paddle == paddle {
+        return plan.clone();
+    }
+    // What belongs to the study's own paddle does not fit another one.
+    CompressPlan { paddle, hinge: None, plate: None, curve: None, gimbal: None, ..plan.clone() }
+}
+
+/// Computes what is not there and writes tables, figures and page.
+fn go(
+    opened: &Opened,
+    study: ThesisStudy,
+    name: &str,
+    plans: &[(String, CompressPlan)],
+) -> Result<(), Failure> {
+    refuse_wrong(&findings(&opened.study, &opened.base))?;
+    let display = Display::new();
+    let Opened { study: read, base, store } = opened;
+    let options = Options::default();
+    let drive = Drive { store, base, options: &options, listener: &display };
+    let pass = store::execute(&drive, |run| graph::squeezes(read, plans, run))?;
+    drop(display);
+    let mut ways = Vec::new();
+    for ((label, plan), made) in plans.iter().zip(pass.outcome) {
+        let found = match made {
+            Ok(made) => Ok(Found::load(&made, read.mammogram.as_ref())?),
+            Err(why) => Err(why),
+        };
+        ways.push(Way { label: label.clone(), plan: plan.clone(), found });
+    }
+    let folder = store.out.join("studies").join(name);
+    fs::create_dir_all(&folder).map_err(|cause| Failure::io(&folder, cause))?;
+    let put = |name: &str, bytes: &[u8]| -> Result<(), Failure> {
+        let path: &Path = &folder.join(name);
+        fs::write(path, bytes).map_err(|cause| Failure::io(path, cause))
+    };
+    let (html, figures) = page(&read.subject.id, study, &ways);
+    for figure in &figures {
+        put(&figure.name, &figure.bytes)?;
+    }
+    put(&format!("{name}.csv"), summary(&ways).as_bytes())?;
+    put("curves.csv", curves(&ways).as_bytes())?;
+    put("comparisons.csv", comparisons(&ways).as_bytes())?;
+    put(&format!("{name}.html"), html.as_bytes())?;
+    let computed = pass.entries.iter().filter(|entry| entry.computed).count();
+    println!("{computed} of {} stages computed", pass.entries.len());
+    for way in &ways {
+        match &way.found {
+            Ok(found) => println!(
+                "{:<16} {:>6.1} mm {:>8.3} N  mean {:>7.3} kPa  largest {:>7.3} kPa on faces  {}",
+                way.label,
+                found.compression.thickness_mm,
+                found.metric("force_n"),
+                found.metric("mean_pressure_kpa"),
+                found.metric("face_peak_pressure_kpa"),
+                found.compression.stopped_early.as_deref().unwrap_or_default()
+            ),
+            Err(why) => println!("{:<16} failed: {why}", way.label),
+        }
+    }
+    println!("{}", folder.join(format!("{name}.html")).display());
+    if ways.iter().all(|way| way.found.is_err()) {
+        return Err(Failure::Numerics(format!("study {name}: no compression was found")));
+    }
+    Ok(())
+}

@@ -1,0 +1,135 @@
+//! Compressions of one breast beside each other: what differs, as tables, charts and a page.
+
+mod page;
+mod table;
+mod thesis;
+
+pub use page::page;
+pub use table::{comparisons, curves, summary};
+pub use thesis::Study as ThesisStudy;
+
+use crate::graph::Squeezed;
+use mammotwin_data::{
+    Failure,
+    metric::Metric,
+    study::{CompressPlan, MammogramPlan},
+};
+use mammotwin_imaging::xray::{calibration::Unit, quality::quality, statistics::welch};
+use mammotwin_stages::{
+    comfort::{Burden, Comparison, Weighted, compare, face_pressures},
+    compress::Compression,
+};
+
+/// One way to compress, and what came of it.
+#[derive(Debug)]
+pub struct Way {
+    /// Its label: `flex`, `elastic_40mm`.
+    pub label: String,
+    /// How it was compressed.
+    pub plan: CompressPlan,
+    /// What was found, or why nothing was.
+    pub found: Result<Found, String>,
+}
+
+/// What was found.
+#[derive(Debug)]
+pub struct Found {
+    /// The compressed breast.
+    pub compression: Compression,
+    /// Comfort, image quality and dose.
+    pub metrics: Vec<Metric>,
+    /// Values of single regions of interest by what they are: `snr`, `sdnr_300um`.
+    pub regions: Vec<(String, Vec<f64>)>,
+}
+
+impl Found {
+    /// Loads what was made.
+    pub fn load(made: &Squeezed, picture: Option<&MammogramPlan>) -> Result<Self, Failure> {
+        let mut metrics = Vec::new();
+        for part in &made.metrics {
+            metrics.extend(part.load()?.metrics);
+        }
+        let mut regions = Vec::new();
+        if let (Some(plan), Some(phantom), Some(taken)) = (picture, &made.phantom, &made.mammograms)
+        {
+            let (phantom, taken) = (phantom.load()?, taken.load()?);
+            let unit = Unit::pristina(plan.pixel_mm, plan.energy_kev);
+            for (technique, picture) in taken.techniques.iter().zip(&taken.pictures) {
+                let refuse = |cause: &dyn std::fmt::Display| {
+                    Failure::BadInput(format!("regions of interest: {cause}"))
+                };
+                let one =
+                    phantom.with_diameter(technique.diameter_mm).map_err(|cause| refuse(&cause))?;
+                let all = quality(picture, &one, &unit.geometry).map_err(|cause| refuse(&cause))?;
+                let um = (1000.0 * technique.diameter_mm).round();
+                let snr = all.iter().map(|region| region.printed.snr).collect();
+                let sdnr = all.iter().map(|region| region.printed.sdnr).collect();
+                regions.push((format!("snr_{um}um"), snr));
+                regions.push((format!("sdnr_{um}um"), sdnr));
+            }
+        }
+        Ok(Self { compression: made.compression.load()?, metrics, regions })
+    }
+
+    /// A metric by its name; NaN when it was not measured.
+    pub fn metric(&self, name: &str) -> f64 {
+        self.metrics.iter().find(|m| m.name == name).map_or(f64::NAN, |m| m.value)
+    }
+}
+
+/// How one way differs from the first.
+#[derive(Debug)]
+pub struct Difference {
+    /// What is compared, with its unit.
+    pub what: String,
+    /// The distributions.
+    pub comparison: Comparison,
+    /// Chance of such a difference of means between samples of one population (Welch); none for
+    /// distributions over area or volume, whose parts are no independent samples.
+    pub p: Option<f64>,
+}
+
+/// How `other` differs from `first`.
+pub fn differences(first: &Found, other: &Found) -> Vec<Difference> {
+    let mut all = Vec::new();
+    let mut add = |what: &str, a: &[Weighted], b: &[Weighted], p: Option<f64>| {
+        if let Some(comparison) = compare(a, b) {
+            all.push(Difference { what: what.into(), comparison, p });
+        }
+    };
+    let pressures = [first, other].map(|found| face_pressures(&found.compression));
+    add("contact pressure on the faces (kPa), by area", &pressures[0], &pressures[1], None);
+    let [a, b] = [first, other].map(|found| Burden::of(&found.compression));
+    let by_volume = |burden: &Burden, values: &[f64]| burden.by_volume(values, None);
+    let [one, two] = [by_volume(&a, &a.von_mises_kpa), by_volume(&b, &b.von_mises_kpa)];
+    add("von Mises stress (kPa), by volume", &one, &two, None);
+    let [one, two] = [by_volume(&a, &a.stretch), by_volume(&b, &b.stretch)];
+    add("largest stretch, by volume", &one, &two, None);
+    for (name, values) in &first.regions {
+        let Some((_, others)) = other.regions.iter().find(|(other, _)| other == name) else {
+            continue;
+        };
+        let even = |values: &[f64]| values.iter().map(|v| (*v, 1.0)).collect::<Vec<Weighted>>();
+        let p = welch(values, others).map(|test| test.p);
+        add(&format!("{name}, by region of interest"), &even(values), &even(others), p);
+    }
+    all
+}
+
+/// How far (mm) tissue lies nearer to the chest wall than in the first way: the largest and the 95th
+/// percentile of the nodes that lie between the plates then. `None` when the meshes differ.
+pub fn shift_to_wall(first: &Compression, other: &Compression) -> Option<[f64; 2]> {
+    let (a, b) = (&first.solution.points, &other.solution.points);
+    if a.len() != b.len() {
+        return None;
+    }
+    // Both frames begin at the plates' edge, which may lie elsewhere on the chest.
+    let edges = |c: &Compression| c.to_detector.inverse().point(&mammotwin_data::Vec3::zeros());
+    let away = first.to_detector.inverse().direction(&mammotwin_data::Vec3::y());
+    let moved = away.dot(&(edges(other) - edges(first)));
+    let between = a.iter().zip(b).filter(|(p, _)| p.y > 0.0);
+    let mut shifts: Vec<f64> = between.map(|(p, q)| p.y - q.y - moved).collect();
+    shifts.sort_by(f64::total_cmp);
+    let at = |share: f64| shifts.get((share * shifts.len() as f64) as usize).copied();
+    Some([shifts.last().copied()?, at(0.95)?])
+}

@@ -1,0 +1,114 @@
+//! Comparisons as CSV files.
+
+use super::{Way, differences, shift_to_wall};
+use std::fmt::Write;
+
+/// A value in quotes, on one line.
+fn quoted(text: &str) -> String {
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    format!("\"{}\"", line.replace('"', "\"\""))
+}
+
+/// One row a way: how it was compressed, how that ended, all metrics.
+pub fn summary(ways: &[Way]) -> String {
+    let names: Vec<&str> = ways
+        .iter()
+        .filter_map(|way| way.found.as_ref().ok())
+        .max_by_key(|found| found.metrics.len())
+        .map_or(Vec::new(), |found| found.metrics.iter().map(|m| m.name.as_str()).collect());
+    let mut text = String::from("way,paddle,chest_wall_distance_mm,ended_by,stopped_early");
+    for name in &names {
+        // Writing to a string does not fail.
+        let _ = write!(text, ",{name}");
+    }
+    text.push('\n');
+    for way in ways {
+        let (paddle, distance) = (way.plan.paddle.name(), way.plan.chest_wall_distance_mm);
+        let _ = write!(text, "{},{paddle},{distance}", way.label);
+        match &way.found {
+            Ok(found) => {
+                let met = found.compression.met.as_deref().unwrap_or_default();
+                let early = found.compression.stopped_early.as_deref().unwrap_or_default();
+                let _ = write!(text, ",{met},{}", quoted(early));
+                for name in &names {
+                    let value = found.metric(name);
+                    let _ = if value.is_finite() {
+                        write!(text, ",{value:.6}")
+                    } else {
+                        write!(text, ",")
+                    };
+                }
+            }
+            Err(why) => {
+                let _ = write!(text, ",,{}{}", quoted(why), ",".repeat(names.len()));
+            }
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// The courses of all ways, one row a state.
+pub fn curves(ways: &[Way]) -> String {
+    let mut text = String::from(
+        "way,thickness_mm,force_n,receptor_force_n,tilt_deg,roll_deg,deflection_mm,\
+         contact_area_mm2,front_area_mm2,mean_pressure_kpa,peak_pressure_kpa\n",
+    );
+    for way in ways {
+        let Ok(found) = &way.found else { continue };
+        let c = &found.compression.curve;
+        for n in 0..c.thickness_mm.len() {
+            let _ = writeln!(
+                text,
+                "{},{:.3},{:.6},{:.6},{:.4},{:.4},{:.4},{:.2},{:.2},{:.6},{:.6}",
+                way.label,
+                c.thickness_mm[n],
+                c.force_n[n],
+                c.receptor_force_n[n],
+                c.tilt_deg[n],
+                c.roll_deg[n],
+                c.deflection_mm[n],
+                c.contact_area_mm2[n],
+                c.front_area_mm2[n],
+                c.mean_pressure_kpa[n],
+                c.peak_pressure_kpa[n]
+            );
+        }
+    }
+    text
+}
+
+/// Every way against the first that was found.
+pub fn comparisons(ways: &[Way]) -> String {
+    let mut text = String::from(
+        "way,against,what,mean_of_first,mean,difference,effect_size,overlap,p_welch\n",
+    );
+    let mut found = ways.iter().filter_map(|way| Some((way, way.found.as_ref().ok()?)));
+    let Some((base, first)) = found.next() else { return text };
+    for (way, other) in found {
+        for one in differences(first, other) {
+            let c = one.comparison;
+            let p = one.p.map_or(String::new(), |p| format!("{p:.4}"));
+            let _ = writeln!(
+                text,
+                "{},{},{},{:.6},{:.6},{:.6},{:.4},{:.4},{p}",
+                way.label,
+                base.label,
+                quoted(&one.what),
+                c.means[0],
+                c.means[1],
+                c.difference,
+                c.effect_size,
+                c.overlap
+            );
+        }
+        if let Some([most, p95]) = shift_to_wall(&first.compression, &other.compression) {
+            for (what, value) in [("largest", most), ("95 %", p95)] {
+                let what = format!("shift of tissue towards the chest wall (mm), {what}");
+                let (label, base) = (&way.label, &base.label);
+                let _ = writeln!(text, "{label},{base},{},0,,{value:.4},,,", quoted(&what));
+            }
+        }
+    }
+    text
+}

@@ -1,0 +1,277 @@
+//! A model between plates: equilibrium of body and paddle, and what is recorded of it.
+
+use super::{Plates, Pressing, Step, Stops};
+use crate::assemble::State;
+use crate::model::Model;
+use crate::newton::Newton;
+use crate::paddles::{Hinge, Lift, Pose};
+use crate::solve::{self, Options, SolveError};
+use crate::terms::Load;
+use crate::terms::plate::Plate;
+use mammotwin_data::{Vec3, progress::Silent, solution::Checks};
+use nalgebra::{DMatrix, DVector};
+use std::collections::BTreeMap;
+
+/// A limit is met within this part of it.
+const STOP_TOLERANCE: f64 = 0.01;
+/// Most trials to meet a limit.
+const STOP_TRIALS: usize = 12;
+
+/// Torques are in balance within this part of what turns the paddle.
+const TORQUE_TOLERANCE: f64 = 1e-3;
+/// Largest tilt (rad), largest change of it in one trial, and most trials.
+const LARGEST_TILT: f64 = 0.7;
+const LARGEST_TURN: f64 = 0.05;
+const TILT_TRIALS: usize = 30;
+
+/// A pose is found when no coordinate would still change by more (mm).
+const POSE_TOLERANCE_MM: f64 = 0.01;
+/// Largest change (mm) of a coordinate in one trial, and most trials.
+const LARGEST_MOVE_MM: f64 = 4.0;
+const POSE_TRIALS: usize = 40;
+
+/// Least part of the skin around a node that a plate is taken to touch.
+const LEAST_FACING: f64 = 0.25;
+
+/// Deformed skin (mm²) around a node.
+#[derive(Default)]
+struct Skin {
+    area: f64,
+    vector: Vec3,
+}
+
+impl Skin {
+    /// Area of a plate with this normal that the skin covers. Pressures are those on the plate: they
+    /// add up to its force whether or not the skin is folded under it.
+    fn facing(&self, normal: Vec3) -> f64 {
+        self.vector.dot(&normal).max(LEAST_FACING * self.area)
+    }
+}
+
+fn area_vectors(points: &[Vec3], faces: &[[u32; 3]]) -> BTreeMap<u32, Skin> {
+    let mut skins: BTreeMap<u32, Skin> = BTreeMap::new();
+    for face in faces {
+        let [a, b, c] = face.map(|n| points[n as usize]);
+        let third = (b - a).cross(&(c - a)) / 6.0;
+        for &n in face {
+            let skin = skins.entry(n).or_default();
+            skin.area += third.norm();
+            skin.vector += third;
+        }
+    }
+    skins
+}
+
+/// A model between plates.
+pub(super) struct Press<'a> {
+    pub model: Model,
+    pub plates: &'a Plates,
+    pub receptor: Plate,
+    pub paddle: Plate,
+    /// Of receptor and paddle among the terms.
+    pub indices: [usize; 2],
+    pub newton: Newton,
+    pub options: &'a Options,
+    pub counts: Checks,
+    /// How the torque that is out of balance changes with the tilt (mN mm/rad), as last seen.
+    pub softening: Option<f64>,
+    /// How the pose changes with the forces that are out of balance (mm/mN), as last seen.
+    pub yielding: Option<DMatrix<f64>>,
+}
+
+impl Press<'_> {
+    pub fn walk(&mut self, state: &mut State, load: Load) -> Result<(), SolveError> {
+        if let Some(hinge) = self.plates.paddle.hinge() {
+            return self.turn(&hinge, state, load);
+        }
+        match self.plates.paddle.lift().cloned() {
+            Some(lift) if lift.coordinates() > 0 => self.settle(&*lift, state, load),
+            _ => self.walk_rigid(state, load),
+        }
+    }
+
+    fn walk_rigid(&mut self, state: &mut State, load: Load) -> Result<(), SolveError> {
+        let counts = &mut self.counts;
+        solve::walk(&mut self.newton, &self.model, state, load, self.options, counts, &Silent)
+    }
+
+    /// Walks to `load` with the tilt at which body and hinge are in balance: a secant within a
+    /// bracket, for the more the paddle tilts the less the body turns it.
+    fn turn(&mut self, hinge: &Hinge, state: &mut State, load: Load) -> Result<(), SolveError> {
+        let mut tilt = state.load.tilt_rad;
+        let (mut least, mut most) = (-LARGEST_TILT, LARGEST_TILT);
+        let mut last: Option<(f64, f64)> = None;
+        for _ in 0..TILT_TRIALS {
+            let mut trial = state.clone();
+            self.walk_rigid(&mut trial, Load { tilt_rad: tilt, ..load })?;
+            let (torque, size) = self.paddle.torque(&trial.at(self.indices[1]));
+            let off = torque - hinge.torque(tilt);
+            tracing::debug!(tilt, torque, off, "hinge");
+            if off.abs() <= TORQUE_TOLERANCE * size.max(hinge.torque(tilt).abs()) {
+                *state = trial;
+                return Ok(());
+            }
+            if let Some((tilt_before, off_before)) = last {
+                let slope = (off - off_before) / (tilt - tilt_before);
+                self.softening = (slope < 0.0).then_some(slope);
+            }
+            last = Some((tilt, off));
+            *(if off > 0.0 { &mut least } else { &mut most }) = tilt;
+            let slope = self.softening.unwrap_or(-hinge.stiffness(tilt));
+            let next = tilt + (-off / slope).clamp(-LARGEST_TURN, LARGEST_TURN);
+            let inside = next > least && next < most;
+            tilt = if inside { next } else { 0.5 * (least + most) };
+        }
+        Err(SolveError::Paddle { thickness_mm: load.thickness_mm })
+    }
+
+    /// Walks to `load` with the pose in which body and paddle are in balance: Broyden's method,
+    /// which begins with the paddle's own stiffness and keeps what it learns of the body's.
+    fn settle(&mut self, lift: &dyn Lift, state: &mut State, load: Load) -> Result<(), SolveError> {
+        let count = lift.coordinates();
+        let mut pose = state.load.pose;
+        let mut trial = state.clone();
+        let mut last: Option<(DVector<f64>, DVector<f64>)> = None;
+        for round in 0..POSE_TRIALS {
+            // Friction counts from the last load; without it the last trial is the nearest start.
+            if self.plates.friction > 0.0 {
+                trial = state.clone();
+            }
+            self.walk_rigid(&mut trial, Load { pose, ..load })?;
+            let push = self.paddle.push(&trial.at(self.indices[1]));
+            let (resistance, stiffness) = lift.resistance(&pose);
+            let off = DVector::from_fn(count, |n, _| push[n] - resistance[n]);
+            let own = || {
+                DMatrix::from_fn(count, count, |a, b| if a == b { 1.0 / stiffness[a] } else { 0.0 })
+            };
+            let mut yielding = self.yielding.take().unwrap_or_else(own);
+            if let Some((step, before)) = &last {
+                learn(&mut yielding, step, &(&off - before));
+            }
+            // Far off, what was learnt elsewhere may lead astray.
+            let mut step = &yielding * &off;
+            if round == POSE_TRIALS / 2 || step.dot(&off) <= 0.0 {
+                yielding = own();
+                step = &yielding * &off;
+            }
+            let largest = step.amax();
+            tracing::debug!(round, largest, deflection = pose[0], "pose of the paddle");
+            self.yielding = Some(yielding);
+            if largest <= POSE_TOLERANCE_MM {
+                *state = trial;
+                return Ok(());
+            }
+            step *= f64::min(1.0, LARGEST_MOVE_MM / largest);
+            for n in 0..count {
+                pose[n] += step[n];
+            }
+            last = Some((step, off));
+        }
+        Err(SolveError::Paddle { thickness_mm: load.thickness_mm })
+    }
+
+    /// The state between `thick` and `thin` at which the nearest limit is reached; `shares` are
+    /// those that they reach of it.
+    pub fn meet(
+        &mut self,
+        stops: &Stops,
+        (thick, thin): (&State, &State),
+        shares: [f64; 2],
+        at: &impl Fn(f64) -> Load,
+    ) -> Result<State, SolveError> {
+        let (mut wide, mut wide_share) = (thick.load.thickness_mm, shares[0]);
+        let (mut narrow, mut narrow_share) = (thin.load.thickness_mm, shares[1]);
+        let mut found = thin.clone();
+        for _ in 0..STOP_TRIALS {
+            if narrow_share - 1.0 <= STOP_TOLERANCE {
+                break;
+            }
+            // The force curves upwards: stay away from the ends of the bracket.
+            let part = ((1.0 - wide_share) / (narrow_share - wide_share)).clamp(0.1, 0.9);
+            let thickness = wide + part * (narrow - wide);
+            let mut trial = thick.clone();
+            self.walk(&mut trial, at(thickness))?;
+            let share = stops.share(&self.record(&trial));
+            if (share - 1.0).abs() <= STOP_TOLERANCE {
+                return Ok(trial);
+            }
+            if share < 1.0 {
+                (wide, wide_share) = (thickness, share);
+            } else {
+                (narrow, narrow_share) = (thickness, share);
+                found = trial;
+            }
+        }
+        Ok(found)
+    }
+
+    pub fn record(&self, state: &State) -> Step {
+        let axis = self.plates.axis;
+        let areas = area_vectors(&state.points, &self.plates.faces);
+        let mut pressures = vec![0.0; state.points.len()];
+        let mut sums = [0.0, 0.0];
+        let mut pressing = [Vec::new(), Vec::new()];
+        for (which, plate) in [&self.receptor, &self.paddle].into_iter().enumerate() {
+            for force in plate.node_forces(&state.at(self.indices[which])) {
+                sums[which] += (force.normal + force.friction).dot(&axis);
+                let Some(normal) = force.normal.try_normalize(0.0) else { continue };
+                let area = areas.get(&force.node).map_or(f64::INFINITY, |a| a.facing(-normal));
+                pressures[force.node as usize] += force.normal.norm() / area;
+                let (node, force_mn) = (force.node, force.normal);
+                pressing[which].push(Pressing { node, force_mn, area_mm2: area });
+            }
+        }
+        let (receptor_force_mn, paddle_force_mn) = (sums[0], -sums[1]);
+        let on_paddle = &pressing[1];
+        let sum = |sum: f64, area: f64| sum + area;
+        let contact_area = on_paddle.iter().map(|p| p.face_area(&axis)).fold(0.0, sum);
+        let front_area = on_paddle.iter().map(|p| p.front_area(&axis)).fold(0.0, sum);
+        let place = |p: &Pressing| &state.points[p.node as usize];
+        let deflections =
+            on_paddle.iter().map(|p| self.paddle.deflection(place(p), &state.load).abs());
+        let gaps = on_paddle
+            .iter()
+            .filter(|p| !p.is_front(&axis))
+            .map(|p| self.paddle.gap(place(p), &state.load));
+        let gaps_mm = gaps.fold(None, |ends: Option<[f64; 2]>, gap| {
+            let [low, high] = ends.unwrap_or([gap; 2]);
+            Some([low.min(gap), high.max(gap)])
+        });
+        let angles = |pose: &Pose| self.plates.paddle.lift().map_or([0.0; 2], |l| l.angles(pose));
+        let [tilt, roll_rad] = angles(&state.load.pose);
+        Step {
+            thickness_mm: state.load.thickness_mm,
+            receptor_mm: state.load.receptor_mm,
+            tilt_rad: state.load.tilt_rad + tilt,
+            roll_rad,
+            deflection_mm: deflections.fold(0.0, f64::max),
+            gaps_mm: gaps_mm.unwrap_or([state.load.thickness_mm; 2]),
+            paddle_force_mn,
+            receptor_force_mn,
+            contact_area_mm2: contact_area,
+            front_area_mm2: front_area,
+            mean_pressure_kpa: if contact_area > 0.0 {
+                paddle_force_mn / contact_area
+            } else {
+                0.0
+            },
+            peak_pressure_kpa: pressures.iter().copied().fold(0.0, f64::max),
+            contact_pressure_kpa: pressures,
+            pressing,
+            pose: state.load.pose,
+            points: state.points.clone(),
+        }
+    }
+}
+
+/// Broyden's update of the inverse of a Jacobian: `step` was made, and changed what is out of
+/// balance by `change`, of which the inverse expects the opposite.
+fn learn(yielding: &mut DMatrix<f64>, step: &DVector<f64>, change: &DVector<f64>) {
+    let expected = -(&*yielding * change);
+    let scale = step.dot(&expected);
+    if scale.abs() > 1e-12 * step.norm_squared() {
+        let left = (step - &expected) / scale;
+        let right = step.transpose() * &*yielding;
+        *yielding += left * right;
+    }
+}

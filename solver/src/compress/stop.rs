@@ -1,0 +1,73 @@
+//! When a compression ends: the first of several limits that is reached.
+
+use super::Step;
+
+/// Limits; those that are `None` do not count.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Stops {
+    /// Distance of the plates (mm), at the frame of a paddle that tilts or bends.
+    pub thickness_mm: Option<f64>,
+    /// Force of the paddle (mN), to 1 %.
+    pub force_mn: Option<f64>,
+    /// Force of the paddle over the area that it covers (kPa), to 1 %.
+    pub mean_pressure_kpa: Option<f64>,
+    /// Contact pressure anywhere on either plate (kPa), to 1 %.
+    pub peak_pressure_kpa: Option<f64>,
+}
+
+/// One of the limits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StopRule {
+    /// [`Stops::thickness_mm`].
+    Thickness,
+    /// [`Stops::force_mn`].
+    Force,
+    /// [`Stops::mean_pressure_kpa`].
+    MeanPressure,
+    /// [`Stops::peak_pressure_kpa`].
+    PeakPressure,
+}
+
+/// Thinnest gap (mm) that is tried.
+pub(super) const THINNEST_MM: f64 = 5.0;
+
+impl Stops {
+    /// Only at a thickness (mm).
+    pub fn at_thickness(thickness_mm: f64) -> Self {
+        Self { thickness_mm: Some(thickness_mm), ..Self::default() }
+    }
+
+    /// Thickness (mm) beyond which nothing is tried.
+    pub(super) fn thinnest_mm(&self) -> f64 {
+        self.thickness_mm.unwrap_or(THINNEST_MM)
+    }
+
+    /// All limits with a name for messages.
+    pub(super) fn named(&self) -> [(&'static str, Option<f64>); 4] {
+        [
+            ("final thickness (mm)", self.thickness_mm),
+            ("final force (mN)", self.force_mn),
+            ("final mean pressure (kPa)", self.mean_pressure_kpa),
+            ("final peak pressure (kPa)", self.peak_pressure_kpa),
+        ]
+    }
+
+    /// The limit but the thickness that a state is nearest to, or farthest beyond, and the share of
+    /// it that is reached; `None` without limits.
+    pub(super) fn nearest(&self, step: &Step) -> Option<(StopRule, f64)> {
+        let share = |value: f64, limit: Option<f64>, rule| limit.map(|limit| (rule, value / limit));
+        [
+            share(step.paddle_force_mn, self.force_mn, StopRule::Force),
+            share(step.mean_pressure_kpa, self.mean_pressure_kpa, StopRule::MeanPressure),
+            share(step.peak_pressure_kpa, self.peak_pressure_kpa, StopRule::PeakPressure),
+        ]
+        .into_iter()
+        .flatten()
+        .max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+
+    /// Share of the nearest limit that a state reaches.
+    pub(super) fn share(&self, step: &Step) -> f64 {
+        self.nearest(step).map_or(0.0, |(_, share)| share)
+    }
+}

@@ -1,0 +1,253 @@
+//! What the compression does to the breast: pressure, stress and strain.
+
+mod compare;
+mod mat;
+
+pub use compare::{Comparison, compare};
+pub use mat::PressureMat;
+
+use crate::{
+    compress::Compression,
+    quality::Metrics,
+    results::{principal_stretches, von_mises_kpa},
+};
+use mammotwin_data::{
+    Failure, Mat3, Vec3, metric::Metric, progress::Progress, store::Stage, study::ComfortPlan,
+    units::NEWTON,
+};
+use mammotwin_solver::compress::Pressing;
+use serde::Serialize;
+
+/// Measures comfort at the end of the compression.
+#[derive(Debug, Clone, Serialize)]
+pub struct Comfort {
+    /// Region near the chest wall, and pressure mat.
+    pub plan: ComfortPlan,
+}
+
+/// A value with its share of area or volume.
+pub type Weighted = (f64, f64);
+
+/// The value that the given share of all weight does not exceed.
+pub fn percentile(mut values: Vec<Weighted>, share: f64) -> f64 {
+    values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+    let total: f64 = values.iter().map(|v| v.1).sum();
+    let mut sum = 0.0;
+    for (value, weight) in &values {
+        sum += weight;
+        if sum >= share * total {
+            return *value;
+        }
+    }
+    values.last().map_or(0.0, |v| v.0)
+}
+
+/// A part of the compressed breast, away from the chest wall.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Region {
+    /// Behind the plates' edges.
+    Behind,
+    /// The third of the part between the plates that is nearest to the chest wall.
+    Rear,
+    /// The middle third.
+    Middle,
+    /// The third with the nipple.
+    Front,
+}
+
+impl Region {
+    /// All of them, from the chest wall on.
+    pub const ALL: [Self; 4] = [Self::Behind, Self::Rear, Self::Middle, Self::Front];
+
+    /// As written in names of metrics.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Behind => "behind",
+            Self::Rear => "rear",
+            Self::Middle => "middle",
+            Self::Front => "front",
+        }
+    }
+
+    fn words(self) -> &'static str {
+        match self {
+            Self::Behind => "behind the plates",
+            Self::Rear => "rear third between the plates",
+            Self::Middle => "middle third",
+            Self::Front => "front third",
+        }
+    }
+}
+
+/// What every tetrahedron bears.
+#[derive(Debug, Clone)]
+pub struct Burden {
+    /// Von Mises stress (kPa).
+    pub von_mises_kpa: Vec<f64>,
+    /// Largest principal stretch.
+    pub stretch: Vec<f64>,
+    /// Volume (mm³).
+    pub volume_mm3: Vec<f64>,
+    /// Where it is.
+    pub region: Vec<Region>,
+}
+
+impl Burden {
+    /// Of a compression.
+    pub fn of(compression: &Compression) -> Self {
+        let solution = &compression.solution;
+        let points = &solution.points;
+        let depth = points.iter().map(|p| p.y).fold(f64::MIN_POSITIVE, f64::max);
+        let region = |tet: &[u32; 4]| {
+            let y = tet.iter().map(|n| points[*n as usize].y).sum::<f64>() / 4.0;
+            match 3.0 * y / depth {
+                part if part < 0.0 => Region::Behind,
+                part if part < 1.0 => Region::Rear,
+                part if part < 2.0 => Region::Middle,
+                _ => Region::Front,
+            }
+        };
+        let largest = |f: &Mat3| principal_stretches(f)[0];
+        Self {
+            von_mises_kpa: solution.cauchy_kpa.iter().map(von_mises_kpa).collect(),
+            stretch: solution.deformation_gradient.iter().map(largest).collect(),
+            volume_mm3: compression.volumes_mm3(),
+            region: compression.mesh.tets.iter().map(region).collect(),
+        }
+    }
+
+    /// Values with the volumes of their tetrahedra, in one region or everywhere.
+    pub fn by_volume(&self, values: &[f64], region: Option<Region>) -> Vec<Weighted> {
+        let here = |n: &usize| region.is_none_or(|region| self.region[*n] == region);
+        let all = (0..values.len()).filter(here);
+        all.map(|n| (values[n], self.volume_mm3[n])).collect()
+    }
+}
+
+/// Contact pressure (kPa) of both plates node by node, with the area of their faces (mm²): an upright
+/// front has next to none.
+pub fn face_pressures(compression: &Compression) -> Vec<Weighted> {
+    let areas = compression.face_areas_mm2();
+    let both = compression.contact_pressure_kpa.iter().copied().zip(areas);
+    both.filter(|&(pressure, area)| pressure > 0.0 && area > 0.0).collect()
+}
+
+impl Stage for Comfort {
+    const NAME: &'static str = "comfort";
+    const VERSION: u32 = 2;
+    const METHODS: &'static str = "Comfort is described by the contact pressure by area of the plates' faces, their upright \
+         fronts apart, by the share of the force near the chest wall, by what a virtual pressure mat \
+         shows, and by von Mises stress, largest stretch and largest logarithmic strain by volume and \
+         region (after Mîra 2018, § 5.3.1); percentiles are given since maxima depend on the mesh.";
+    type Input = Compression;
+    type Output = Metrics;
+
+    fn run(&self, compression: &Compression, _: &dyn Progress) -> Result<Metrics, Failure> {
+        let mut metrics = Vec::new();
+        let mut add = |name: &str, long: &str, unit: &str, value: f64, thesis: Option<f64>| {
+            let metric = Metric::new(name, long, unit, value, "Mîra 2018, § 5.3.1, § 5.4.1");
+            metrics.push(Metric { thesis, ..metric });
+        };
+        let curve = &compression.curve;
+        let last = |values: &[f64]| values.last().copied().unwrap_or(0.0);
+        let force_n = last(&curve.force_n);
+        let thickness = compression.thickness_mm;
+        add("thickness_mm", "compressed breast thickness", "mm", thickness, None);
+        let long = "mean of smallest and largest distance of the plates";
+        add("nominal_thickness_mm", long, "mm", compression.nominal_thickness_mm, None);
+        let long = "how far the paddle gives way where it is touched";
+        add("deflection_mm", long, "mm", last(&curve.deflection_mm), None);
+        add("force_n", "compression force", "N", force_n, None);
+        let area_mm2 = last(&curve.contact_area_mm2);
+        let long = "contact area of the paddle's face";
+        add("contact_area_cm2", long, "cm²", area_mm2 / 100.0, None);
+        let mean_kpa = if area_mm2 > 0.0 { force_n * NEWTON / area_mm2 } else { 0.0 };
+        let long = "mean contact pressure under the paddle's face";
+        add("mean_pressure_kpa", long, "kPa", mean_kpa, None);
+
+        let axis = Vec3::z();
+        let on_paddle: Vec<Pressing> = compression.plates[1].touched().collect();
+        let fronts = || on_paddle.iter().filter(|one| one.is_front(&axis));
+        let front_cm2 = fronts().map(|one| one.front_area(&axis)).fold(0.0, |a, b| a + b) / 100.0;
+        let long = "contact area of the paddle's upright front";
+        add("front_area_cm2", long, "cm²", front_cm2, None);
+        let front_n = fronts().map(|one| -one.force_mn.y).fold(0.0, |a, b| a + b) / NEWTON;
+        let long = "force of the paddle's upright front towards the chest wall";
+        add("front_force_n", long, "N", front_n, None);
+        let down = |one: &Pressing| -one.force_mn.z;
+        let all: f64 = on_paddle.iter().map(down).sum();
+        let near = |one: &&Pressing| {
+            compression.solution.points[one.node as usize].y < self.plan.juxtathoracic_mm
+        };
+        let near: f64 = on_paddle.iter().filter(near).map(down).sum();
+        let within = self.plan.juxtathoracic_mm;
+        let long = format!("share of the paddle's force within {within} mm of its chest-wall edge");
+        let share = if all > 0.0 { near / all } else { 0.0 };
+        add("juxtathoracic_share", &long, "", share, None);
+
+        let peak = compression.contact_pressure_kpa.iter().copied().fold(0.0, f64::max);
+        add("peak_pressure_kpa", "largest contact pressure", "kPa", peak, Some(77.7));
+        let pressures = face_pressures(compression);
+        let touched = || compression.plates.iter().flat_map(|plate| plate.touched());
+        let largest = |front: bool| {
+            let here = touched().filter(|one| one.is_front(&axis) == front);
+            here.map(|one| one.pressure_kpa()).fold(0.0, f64::max)
+        };
+        let long = "largest contact pressure on the plates' faces";
+        add("face_peak_pressure_kpa", long, "kPa", largest(false), None);
+        let long = "largest contact pressure on the plates' fronts";
+        add("front_peak_pressure_kpa", long, "kPa", largest(true), None);
+        for (share, word) in [(0.95, "p95"), (0.99, "p99")] {
+            let value = percentile(pressures.clone(), share);
+            let long = format!("contact pressure, {:.0} % of the faces' area", 100.0 * share);
+            add(&format!("pressure_{word}_kpa"), &long, "kPa", value, None);
+        }
+
+        let ComfortPlan { mat_pitch_mm, mat_threshold_kpa, .. } = self.plan;
+        let mat = PressureMat::under_paddle(compression, mat_pitch_mm, mat_threshold_kpa);
+        let sheet = format!("pressure mat, {mat_pitch_mm} mm, from {mat_threshold_kpa} kPa");
+        let area_cm2 = mat.contact_area_mm2() / 100.0;
+        add("mat_contact_area_cm2", &format!("{sheet}: contact area"), "cm²", area_cm2, None);
+        add("mat_mean_kpa", &format!("{sheet}: mean"), "kPa", mat.mean_kpa(), None);
+        add("mat_peak_kpa", &format!("{sheet}: largest"), "kPa", mat.peak_kpa(), None);
+
+        let burden = Burden::of(compression);
+        let strain: Vec<f64> = burden.stretch.iter().map(|stretch| stretch.ln()).collect();
+        for (share, word) in [(0.5, "p50"), (0.95, "p95"), (0.99, "p99")] {
+            let percent = 100.0 * share;
+            let long = format!("von Mises stress, {percent:.0} % of the volume");
+            let value = percentile(burden.by_volume(&burden.von_mises_kpa, None), share);
+            add(&format!("von_mises_{word}_kpa"), &long, "kPa", value, None);
+            let long = format!("largest logarithmic strain, {percent:.0} % of the volume");
+            let value = percentile(burden.by_volume(&strain, None), share);
+            add(&format!("strain_{word}"), &long, "", value, None);
+        }
+        for region in Region::ALL {
+            let (name, words) = (region.name(), region.words());
+            for (share, word) in [(0.5, "p50"), (0.95, "p95")] {
+                let percent = 100.0 * share;
+                let long = format!("von Mises stress, {words}, {percent:.0} % of the volume");
+                let value =
+                    percentile(burden.by_volume(&burden.von_mises_kpa, Some(region)), share);
+                add(&format!("von_mises_{name}_{word}_kpa"), &long, "kPa", value, None);
+                let long = format!("largest stretch, {words}, {percent:.0} % of the volume");
+                let value = percentile(burden.by_volume(&burden.stretch, Some(region)), share);
+                add(&format!("stretch_{name}_{word}"), &long, "", value, None);
+            }
+        }
+        Ok(Metrics { metrics })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_go_by_weight() {
+        let values = vec![(3.0, 1.0), (1.0, 8.0), (2.0, 1.0)];
+        assert_eq!(percentile(values.clone(), 0.5), 1.0);
+        assert_eq!(percentile(values.clone(), 0.85), 2.0);
+        assert_eq!(percentile(values, 0.95), 3.0);
+    }
+}
