@@ -166,9 +166,13 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
     let validations: Vec<_> = outcome.validations.values().cloned().collect();
     let Outcome { mesh, calibration, compression, phantom, mammograms, metrics, .. } = outcome;
 
-    let deliver = Deliver { study: study.without_files(), provenance: provenance.clone() };
+    let moving = outcome.poses.iter().filter_map(|(name, pose)| {
+        pose.registered.clone().map(|registered| (name.clone(), registered))
+    });
+    let (moving, moved): (Vec<String>, Vec<_>) = moving.unzip();
+    let deliver = Deliver { study: study.without_files(), moving, provenance: provenance.clone() };
     let (squeezed, taken) = (compression.as_ref(), mammograms.as_ref());
-    let inputs = (mesh, calibration, &validations[..], squeezed, taken, &metrics[..]);
+    let inputs = (mesh, calibration, &validations[..], &moved[..], squeezed, taken, &metrics[..]);
     let results = run.stage("", &deliver, inputs)?;
     run.export("results.h5", &results)?;
 

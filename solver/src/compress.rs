@@ -10,7 +10,7 @@ use crate::terms::{Load, Slip};
 use mammotwin_data::{
     Vec3,
     progress::{Progress, Silent},
-    solution::{Checks, Solution},
+    solution::{Checks, Solution, von_mises_kpa},
 };
 use std::collections::BTreeMap;
 
@@ -81,6 +81,8 @@ pub struct Step {
     pub contact_pressure_kpa: Vec<f64>,
     /// Node positions (mm).
     pub points: Vec<Vec3>,
+    /// Von Mises stress (kPa), one per tetrahedron.
+    pub von_mises_kpa: Vec<f64>,
 }
 
 /// What a compression gives.
@@ -424,6 +426,7 @@ impl Press<'_> {
             }
         }
         let (receptor_force_mn, paddle_force_mn) = (sums[0], -sums[1]);
+        let stress = state.report(&self.model);
         Step {
             thickness_mm: state.load.thickness_mm,
             receptor_mm: state.load.receptor_mm,
@@ -439,6 +442,7 @@ impl Press<'_> {
             peak_pressure_kpa: pressures.iter().copied().fold(0.0, f64::max),
             contact_pressure_kpa: pressures,
             points: state.points.clone(),
+            von_mises_kpa: stress.cauchy_kpa.iter().map(von_mises_kpa).collect(),
         }
     }
 }

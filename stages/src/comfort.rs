@@ -1,12 +1,9 @@
 //! What the compression does to the breast: pressure, stress and strain.
 
-use crate::{
-    compress::Compression,
-    quality::Metrics,
-    results::{principal_stretches, von_mises_kpa},
-};
+use crate::{compress::Compression, quality::Metrics, results::principal_stretches};
 use mammotwin_data::{
-    Failure, Mat3, metric::Metric, progress::Progress, store::Stage, units::NEWTON,
+    Failure, Mat3, metric::Metric, progress::Progress, solution::von_mises_kpa, store::Stage,
+    units::NEWTON,
 };
 use serde::Serialize;
 
@@ -38,7 +35,7 @@ fn largest_strain(f: &Mat3) -> f64 {
 
 impl Stage for Comfort {
     const NAME: &'static str = "comfort";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "Comfort is described by the contact pressure by area, and by von Mises stress and \
          largest logarithmic strain by volume (after Mîra 2018, § 5.3.1); percentiles are given since \
          maxima depend on the mesh.";
@@ -58,7 +55,7 @@ impl Stage for Comfort {
         add("thickness_mm", "compressed breast thickness", "mm", thickness, None);
         add("force_n", "compression force", "N", force_n, None);
         let area_mm2 = last(&curve.contact_area_mm2);
-        add("contact_area_cm2", "contact area of the paddle", "cm²", area_mm2 / 100.0, None);
+        add("contact_area_cm2", "contact area of the paddle", "cm2", area_mm2 / 100.0, None);
         let mean_kpa = if area_mm2 > 0.0 { force_n * NEWTON / area_mm2 } else { 0.0 };
         add("mean_pressure_kpa", "mean contact pressure", "kPa", mean_kpa, None);
 
@@ -85,7 +82,7 @@ impl Stage for Comfort {
             let long = format!("largest logarithmic strain, {percent:.0} % of the volume");
             add(&format!("strain_{word}"), &long, "", percentile(strain.clone(), share), None);
         }
-        Ok(Metrics { metrics })
+        Ok(Metrics { metrics, ..Metrics::default() })
     }
 }
 

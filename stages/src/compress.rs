@@ -2,6 +2,7 @@
 
 use crate::{
     calibrate::Calibration,
+    load_steps::{self, LoadStep},
     mesh::BreastMesh,
     model::{Anatomy, Body, LawOverride},
 };
@@ -70,6 +71,8 @@ pub struct Compression {
     pub to_detector: RigidTransform,
     /// How they got there.
     pub curve: Course,
+    /// The states of `curve`.
+    pub steps: Vec<LoadStep>,
     /// Node that is the nipple.
     pub nipple_node: u32,
     /// Why the compression ended before its stop rule; `None` when it was met.
@@ -121,7 +124,7 @@ impl Compression {
 
 impl Stage for Compress {
     const NAME: &'static str = "compress";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const METHODS: &'static str = "The breast was compressed between two flat plates, frictionless and fixed in their direction \
          unless stated otherwise, their rounded edges along the chest wall under it, from its stress-free shape and without gravity (the thesis \
          neglects its prestress, too).";
@@ -292,6 +295,7 @@ fn result(
         thickness_mm: last.map_or(0.0, |s| s.thickness_mm),
         to_detector,
         curve,
+        steps: done.steps.iter().map(|s| LoadStep::of(s, &to_detector)).collect(),
         nipple_node,
         stopped_early: done.stopped_early.map(|why| why.to_string()),
     }
@@ -302,6 +306,7 @@ impl Artifact for Compression {
 
     fn save(&self, path: &Path) -> Result<(), Failure> {
         let mut file = hdf5::Writer::create(path)?;
+        file.frame(hdf5::Frame::Detector)?;
         file.put_mesh("mesh", &self.mesh)?;
         file.put_solution("solution", &self.solution)?;
         let pressure = &self.contact_pressure_kpa;
@@ -311,6 +316,7 @@ impl Artifact for Compression {
         let frame = "from the reference pose to the detector's frame";
         file.put_json("to_detector", &self.to_detector, frame)?;
         file.put_json("course", &self.curve, "the course of the compression")?;
+        load_steps::put(&mut file, "steps", &self.steps)?;
         file.put_json("nipple_node", &self.nipple_node, "node that is the nipple")?;
         file.put_json("stopped_early", &self.stopped_early, "why it ended before its stop rule")?;
         Ok(file.finish()?)
@@ -326,6 +332,7 @@ impl Artifact for Compression {
             thickness_mm: file.scalar("thickness")?,
             to_detector: file.json("to_detector")?,
             curve: file.json("course")?,
+            steps: load_steps::get(&file, "steps")?,
             nipple_node: file.json("nipple_node")?,
             stopped_early: file.json("stopped_early")?,
         })

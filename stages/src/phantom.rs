@@ -48,6 +48,7 @@ impl Artifact for CompressedPhantom {
 
     fn save(&self, path: &Path) -> Result<(), Failure> {
         let mut file = hdf5::Writer::create(path)?;
+        file.frame(hdf5::Frame::Detector)?;
         file.put_surface("surface", &self.surface)?;
         file.put_scalar("thickness", self.thickness_mm, "mm", "distance of the plates")?;
         file.put_json("plan", &self.plan, "tissue and microcalcifications")?;
@@ -68,7 +69,7 @@ impl Artifact for CompressedPhantom {
 
 impl Stage for Phantom {
     const NAME: &'static str = "phantom";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "The compressed breast was filled with uniform breast tissue and a matrix of irregular \
          aluminium-equivalent microcalcifications at half of its thickness (Mîra 2018, § 5.2.2).";
     type Input = Compression;
