@@ -82,9 +82,10 @@ def test_what_results_say_of_poses_is_what_their_stages_say(results):
             continue
         stage = results.folder.json("register", name)
         motion = RigidTransform.from_json(stage["transform"])
-        np.testing.assert_array_equal(pose.to_reference.rotation, motion.rotation)
-        np.testing.assert_array_equal(pose.to_reference.translation_mm, motion.translation_mm)
-        np.testing.assert_array_equal(pose.gravity, stage["gravity"])
+        # The program reads a number of JSON to the last bit but one.
+        np.testing.assert_allclose(pose.to_reference.rotation, motion.rotation, rtol=1e-14, atol=1e-15)
+        np.testing.assert_allclose(pose.to_reference.translation_mm, motion.translation_mm, rtol=1e-14)
+        np.testing.assert_allclose(pose.gravity, stage["gravity"], rtol=1e-14, atol=1e-15)
         degrees = np.degrees(stage["image"]["uncertainty"]["rotation_rad"])
         np.testing.assert_allclose(pose.registration.sd_rotation_deg, degrees, rtol=1e-12)
         of, group = (name, "{}") if pose.use == "validate" else ("", "{}/fits/" + name)
@@ -119,6 +120,10 @@ def test_load_steps_lead_to_the_end(results):
     peaks = steps["contact_pressure_kpa"].max("node")
     np.testing.assert_allclose(peaks, compression.curve["peak_pressure_kpa"], rtol=1e-5, atol=1e-6)
     assert steps["points"].attrs["units"] == "mm"
+    receptor, paddle = steps["plates_mm"].values.T
+    assert receptor[-1] == pytest.approx(0.0, abs=1e-9)
+    if not compression.curve["tilt_deg"].any():
+        np.testing.assert_allclose(paddle - receptor, steps["thickness_mm"], atol=1e-9)
 
 
 def test_the_nipple_of_the_compression(results):

@@ -287,6 +287,10 @@ fn result(
     let nipple = &done.solution.points[nipple_node as usize];
     let to_detector = to_detector(plates, last.map_or(0.0, |s| s.receptor_mm), nipple);
     let points = mesh.points.iter().map(|p| to_detector.point(p)).collect();
+    let (origin_mm, axis_mm) =
+        (last.map_or(0.0, |s| s.receptor_mm), plates.hinge.map_or(0.0, |hinge| hinge.axis_mm));
+    let steps =
+        done.steps.iter().map(|s| LoadStep::of(s, &to_detector, origin_mm, axis_mm)).collect();
     Compression {
         side,
         mesh: TetMesh { points, ..mesh },
@@ -295,7 +299,7 @@ fn result(
         thickness_mm: last.map_or(0.0, |s| s.thickness_mm),
         to_detector,
         curve,
-        steps: done.steps.iter().map(|s| LoadStep::of(s, &to_detector)).collect(),
+        steps,
         nipple_node,
         stopped_early: done.stopped_early.map(|why| why.to_string()),
     }

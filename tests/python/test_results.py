@@ -65,7 +65,7 @@ def test_every_number_is_finite(file):
 def test_a_unit_in_a_name_is_the_unit_of_the_dataset(file):
     endings = {"mm": "mm", "mm2": "mm2", "n": "N", "kpa": "kPa", "mgy": "mGy", "kev": "keV", "deg": "deg"}
     for name, dataset in datasets(file).items():
-        ending = re.search(r"_(mm2?|n|kpa|mgy|kev|deg)$", name)
+        ending = re.search(r"(?<!_per)_(mm2?|n|kpa|mgy|kev|deg)$", name)
         if ending:
             assert dataset.attrs["units"] == endings[ending.group(1)], name
 

@@ -87,20 +87,22 @@ class Compression:
     def steps(self) -> xarray.Dataset:
         """All load steps over `thickness_mm`, in the frame of the reference pose, in single precision.
 
-        `points` of the nodes (mm), `contact_pressure_kpa` at the nodes, `von_mises_kpa` in the tetrahedra.
+        `points` of the nodes (mm), `contact_pressure_kpa` at the nodes, `von_mises_kpa` in the tetrahedra; `plates_mm`
+        are the heights of the plates at their chest-wall edge, z of the detector at the end.
         """
         group = self._group.group("steps")
         over = {
             "points": ("thickness_mm", "node", "xyz"),
             "contact_pressure_kpa": ("thickness_mm", "node"),
             "von_mises_kpa": ("thickness_mm", "tet"),
+            "plates_mm": ("thickness_mm", "plate"),
         }
         fields = {name: (group.field(name), dimensions) for name, dimensions in over.items()}
         variables = {
             name: (dimensions, field.values, {"units": field.units, "long_name": field.long_name})
             for name, (field, dimensions) in fields.items()
         }
-        return xarray.Dataset(variables, {"thickness_mm": self.curve["thickness_mm"], "xyz": ["x", "y", "z"]})
+        return xarray.Dataset(variables, {"thickness_mm": self.curve["thickness_mm"], "xyz": ["x", "y", "z"], "plate": ["receptor", "paddle"]})
 
     def pressure_percentile_kpa(self, percent: float) -> float:
         """Contact pressure that `percent` of the touched skin, by area, does not exceed."""

@@ -1,5 +1,6 @@
 //! Charts as SVG.
 
+use super::html::{escaped, significant};
 use plotters::prelude::*;
 
 /// Quantities over one axis.
@@ -95,13 +96,44 @@ pub fn lines(chart: &Chart) -> String {
         Axis::Falling => [x[1], x[0]],
     };
     let mut svg = String::new();
-    draw_lines(&mut svg, chart, x, y).expect("drawing into memory does not fail");
-    svg
+    let hits = draw_lines(&mut svg, chart, x, y).expect("drawing into memory does not fail");
+    with_hits(svg, chart, &hits)
 }
 
-type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
+/// A drawn point: its pixel, and what it says.
+struct Hit {
+    at: (i32, i32),
+    name: String,
+    point: (f64, f64),
+}
 
-fn draw_lines<'a>(svg: &'a mut String, chart: &Chart, x: [f64; 2], y: [f64; 2]) -> Drawn<'a> {
+/// Adds invisible circles that say their values, for `page.js` and for readers of titles.
+fn with_hits(svg: String, chart: &Chart, hits: &[Hit]) -> String {
+    let value = |label: &str, value: f64| {
+        let (name, unit) = label.split_once(" (").unwrap_or((label, ""));
+        escaped(&format!("{name} {} {}", significant(value), unit.trim_end_matches(')')))
+    };
+    let circle = |hit: &Hit| {
+        let Hit { at: (x, y), name, point } = hit;
+        let (across, up) = (value(&chart.x_label, point.0), value(&chart.y_label, point.1));
+        let text = format!("{}: {}; {}", escaped(name), up.trim_end(), across.trim_end());
+        format!(
+            "<circle class=\"hit\" cx=\"{x}\" cy=\"{y}\" r=\"10\"><title>{text}</title></circle>"
+        )
+    };
+    let circles: String = hits.iter().map(circle).collect();
+    svg.replacen("</svg>", &format!("{circles}</svg>"), 1)
+}
+
+type Drawn<'a, T = ()> =
+    Result<T, DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
+
+fn draw_lines<'a>(
+    svg: &'a mut String,
+    chart: &Chart,
+    x: [f64; 2],
+    y: [f64; 2],
+) -> Drawn<'a, Vec<Hit>> {
     let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     let mut axes = ChartBuilder::on(&area)
         .margin(24)
@@ -146,7 +178,17 @@ fn draw_lines<'a>(svg: &'a mut String, chart: &Chart, x: [f64; 2], y: [f64; 2]) 
             .legend_area_size(40)
             .draw()?;
     }
-    area.present()
+    let lines = chart.lines.iter().flat_map(|line| line.points.iter().map(|&p| (&line.name, p)));
+    let marks = chart.marks.iter().map(|mark| (&mark.name, mark.point));
+    let finite = lines.chain(marks).filter(|(_, p)| p.0.is_finite() && p.1.is_finite());
+    let hit = |(name, point): (&String, (f64, f64))| Hit {
+        at: axes.backend_coord(&point),
+        name: name.clone(),
+        point,
+    };
+    let hits = finite.map(hit).collect();
+    area.present()?;
+    Ok(hits)
 }
 
 /// Draws a histogram of 30 bars.
@@ -231,6 +273,25 @@ fn padded([low, high]: [f64; 2], part: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn points_say_their_values() {
+        let chart = Chart {
+            title: String::new(),
+            caption: String::new(),
+            x_label: "thickness (mm)".into(),
+            y_label: "force (N)".into(),
+            lines: vec![Line {
+                name: "a<b".into(),
+                points: vec![(50.0, 22.4312), (f64::NAN, 1.0)],
+            }],
+            marks: vec![],
+            x_axis: Axis::Falling,
+        };
+        let svg = lines(&chart);
+        assert_eq!(svg.matches("class=\"hit\"").count(), 1);
+        assert!(svg.contains("<title>a&lt;b: force 22.4 N; thickness 50 mm</title>"), "{svg}");
+    }
 
     #[test]
     fn charts_of_nothing_and_of_nan_are_drawn() {
