@@ -83,8 +83,10 @@ fn between_plates(found: &Compression) -> Scene {
         let pressure = step.contact_pressure_kpa.iter().map(touched).collect();
         let stress: Vec<f64> = step.von_mises_kpa.iter().map(|&s| f64::from(s)).collect();
         let moved = points.iter().zip(&found.mesh.points).map(|(p, rest)| (p - rest).norm());
-        let label = format!("{:.1} mm, {:.1} N", curve.thickness_mm[n], curve.force_n[n]);
-        let values = vec![pressure, at_nodes(&found.mesh, &stress), moved.collect()];
+        // No minus before a zero.
+        let force_n = (10.0 * curve.force_n[n]).round() / 10.0 + 0.0;
+        let label = format!("{:.1} mm, {force_n:.1} N", curve.thickness_mm[n]);
+        let values = vec![at_nodes(&found.mesh, &stress), pressure, moved.collect()];
         let plates = plates(&points, step.plates_mm, curve.tilt_deg[n] * DEGREE);
         states.push(SceneState { label, points, values, plates });
     }
@@ -96,8 +98,8 @@ fn between_plates(found: &Compression) -> Scene {
                 .into(),
         triangles: found.mesh.outer_surface().triangles,
         quantities: vec![
-            quantity("contact pressure", "kPa", Palette::Sequential, "not touched"),
             quantity("von Mises stress", "kPa", Palette::Sequential, "no value"),
+            quantity("contact pressure", "kPa", Palette::Sequential, "not touched"),
             quantity("way from the stress-free shape", "mm", Palette::Sequential, "no value"),
         ],
         states,

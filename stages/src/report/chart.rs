@@ -170,7 +170,7 @@ fn draw_lines<'a>(
     }
     if chart.lines.len() + chart.marks.len() > 1 {
         axes.configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
+            .position(emptiest_corner(chart, x, y))
             .background_style(WHITE.mix(0.85))
             .border_style(GRID)
             .label_font(("sans-serif", 27, &INK))
@@ -189,6 +189,36 @@ fn draw_lines<'a>(
     let hits = finite.map(hit).collect();
     area.present()?;
     Ok(hits)
+}
+
+/// Part of the axes that a legend takes.
+const LEGEND: (f64, f64) = (0.35, 0.4);
+
+/// The corner where a legend hides the fewest points and pieces of lines.
+fn emptiest_corner(chart: &Chart, x: [f64; 2], y: [f64; 2]) -> SeriesLabelPosition {
+    let place = |p: &(f64, f64)| ((p.0 - x[0]) / (x[1] - x[0]), (p.1 - y[0]) / (y[1] - y[0]));
+    let mut places: Vec<(f64, f64)> = chart.marks.iter().map(|m| place(&m.point)).collect();
+    for line in &chart.lines {
+        places.extend(line.points.iter().map(place));
+        for pair in line.points.windows(2) {
+            let (a, b) = (place(&pair[0]), place(&pair[1]));
+            let between = |part: f64| (a.0 + part * (b.0 - a.0), a.1 + part * (b.1 - a.1));
+            places.extend([0.25, 0.5, 0.75].map(between));
+        }
+    }
+    let corners = [
+        (SeriesLabelPosition::UpperLeft, 0.0, 1.0),
+        (SeriesLabelPosition::UpperRight, 1.0, 1.0),
+        (SeriesLabelPosition::LowerLeft, 0.0, 0.0),
+        (SeriesLabelPosition::LowerRight, 1.0, 0.0),
+    ];
+    let hidden = |across: f64, up: f64| {
+        let inside =
+            |p: &&(f64, f64)| (p.0 - across).abs() < LEGEND.0 && (p.1 - up).abs() < LEGEND.1;
+        places.iter().filter(inside).count()
+    };
+    let best = corners.into_iter().min_by_key(|&(_, across, up)| hidden(across, up));
+    best.map_or(SeriesLabelPosition::UpperLeft, |(corner, ..)| corner)
 }
 
 /// Draws a histogram of 30 bars.

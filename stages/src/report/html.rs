@@ -340,7 +340,8 @@ mod tests {
             ..ReportInput::default()
         };
         let page = render(&input).unwrap();
-        assert!(!page.contains("<script"));
+        assert!(page.contains("default-src 'none'"), "the browser itself refuses requests");
+        assert!(!page.contains("<script src") && !page.contains("<link"));
         assert!(page.contains("Pressure &lt;b&gt;"));
         // Addresses: data, anchors, and the name of the SVG language.
         let known = ["://www.w3.org", "-equiv=\"Content-Security-Policy\""];

@@ -67,7 +67,8 @@ pub struct View {
 }
 
 /// Views of a person in RAS.
-pub const OF_A_PERSON: [View; 4] = [
+pub const OF_A_PERSON: [View; 5] = [
+    View { name: "oblique", azimuth: 60.0, elevation: 15.0 },
     View { name: "front", azimuth: 90.0, elevation: 0.0 },
     View { name: "her right", azimuth: 0.0, elevation: 0.0 },
     View { name: "her left", azimuth: 180.0, elevation: 0.0 },
@@ -75,7 +76,8 @@ pub const OF_A_PERSON: [View; 4] = [
 ];
 
 /// Views of a breast between plates, in the frame of the detector.
-pub const BETWEEN_PLATES: [View; 3] = [
+pub const BETWEEN_PLATES: [View; 4] = [
+    View { name: "oblique", azimuth: 35.0, elevation: 18.0 },
     View { name: "side", azimuth: 0.0, elevation: 0.0 },
     View { name: "nipple", azimuth: 90.0, elevation: 0.0 },
     View { name: "paddle", azimuth: 90.0, elevation: 89.0 },

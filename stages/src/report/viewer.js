@@ -112,7 +112,7 @@ function draw(mode, index) {
 }
 
 // What is looked at -----------------------------------------------------------------------------
-const now = { scene: null, step: 0, quantity: 0, azimuth: 90, elevation: 0, zoom: 1, shift: [0, 0] };
+const now = { scene: null, step: 0, quantity: 0, azimuth: 90, elevation: 0, zoom: 1, shift: [0, 0], size: [1, 1] };
 const dark = () => getComputedStyle(document.documentElement).getPropertyValue("--dark").trim() === "1";
 function axes() {
   const [a, e] = [now.azimuth, now.elevation].map(degrees => degrees * Math.PI / 180);
@@ -121,7 +121,17 @@ function axes() {
   return [right, cross(eye, right), eye];
 }
 // Pixels of the page for one mm.
-const pixels = () => now.zoom * 0.47 * Math.min(stage.clientWidth, stage.clientHeight) / now.scene.radius;
+const pixels = () => now.zoom * Math.min(0.8 * stage.clientWidth / now.size[0], 0.84 * stage.clientHeight / now.size[1]);
+// Width and height (mm) of all states in this view.
+function extent() {
+  const [right, up] = axes(), { points, center } = now.scene, most = [1, 1];
+  for (const p of points) for (let i = 0; i < p.length; i += 3) {
+    const d = [p[i] - center[0], p[i + 1] - center[1], p[i + 2] - center[2]];
+    most[0] = Math.max(most[0], 2 * Math.abs(dot(right, d)));
+    most[1] = Math.max(most[1], 2 * Math.abs(dot(up, d)));
+  }
+  return most;
+}
 let waiting = false;
 function redraw() {
   if (!waiting) { waiting = true; requestAnimationFrame(() => { waiting = false; paint(); }); }
@@ -181,10 +191,11 @@ function marks(right, up, eye, scale) {
   const bar = [100, 50, 20, 10, 5].find(mm => mm * scale < 0.3 * stage.clientWidth) || 2;
   part("bar").style.width = `${bar * scale}px`;
   part("bar").textContent = `${bar} mm`;
-  const lines = [0, 1, 2].map(i => ({ i, x: 44 + 26 * right[i], y: 40 - 26 * up[i], z: eye[i] })).sort((a, b) => a.z - b.z);
-  part("axes").innerHTML = lines.map(({ i, x, y, z }) => `<g opacity="${z < -0.2 ? 0.45 : 1}">` +
-    `<line x1="44" y1="40" x2="${x}" y2="${y}"/><text x="${x + 9 * right[i]}" y="${y - 9 * up[i] + 4}">` +
-    `${Math.abs(right[i]) + Math.abs(up[i]) > 0.25 ? now.scene.axes[i] : ""}</text></g>`).join("");
+  const spokes = [0, 1, 2].map(i => ({ i, x: 44 + 26 * right[i], y: 40 - 26 * up[i], z: eye[i] })).sort((a, b) => a.z - b.z);
+  part("axes").innerHTML = spokes.map(({ i, x, y, z }) => `<g opacity="${z < -0.2 ? 0.45 : 1}">` +
+    `<line x1="44" y1="40" x2="${x}" y2="${y}"/><text x="${x + 6 * right[i]}" y="${y - 9 * up[i] + 4}" ` +
+    `text-anchor="${right[i] > 0.3 ? "start" : right[i] < -0.3 ? "end" : "middle"}">` +
+    `${Math.hypot(right[i], up[i]) > 0.25 ? now.scene.axes[i] : ""}</text></g>`).join("");
 }
 
 // Controls --------------------------------------------------------------------------------------
@@ -214,6 +225,7 @@ function choose(n) {
 }
 function look(view) {
   Object.assign(now, { azimuth: view.azimuth, elevation: view.elevation, zoom: 1, shift: [0, 0] });
+  now.size = extent();
   redraw();
 }
 function tell() {
