@@ -1,6 +1,6 @@
 //! `mammotwin discover`: find the disagreement, name the missing effect, add it, show the gap.
 
-use super::{Opened, check::refuse_wrong, open, run};
+use super::{Opened, open, run};
 use crate::{
     cli::{DiscoverArguments, StudyArguments},
     display::Display,
@@ -24,10 +24,10 @@ use std::{
 pub fn discover(arguments: &DiscoverArguments) -> Result<(), Failure> {
     let opened = open(&arguments.study)?;
     let held_out = held_out(&opened, arguments.held_out.as_deref())?;
-    refuse_wrong(&findings(&opened.study, &opened.base))?;
+    opened.refuse_wrong(&findings(&opened.study, &opened.base))?;
     let display = Display::new();
     let options = Options { until: vec!["discover".into()], ..Options::default() };
-    let Opened { study, base, store } = &opened;
+    let Opened { study, base, store, .. } = &opened;
     let drive = Drive { store, base, options: &options, listener: &display };
     let pass = store::execute(&drive, |run| graph::discover(study, &held_out, run))?;
     drop(display);

@@ -5,6 +5,7 @@
 //! [`mammogram`]), so that no volume must be kept for the report.
 
 pub mod chart;
+pub mod group;
 mod html;
 pub mod mammogram;
 pub mod palette;
