@@ -76,6 +76,12 @@ addEventListener("load", async () => {
     const chart = document.querySelector("figure.chart svg"), figure = chart.closest("figure");
     chart.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" }));
     found.chart = figure.querySelector(".tip").textContent;
+    const film = document.querySelector('[data-part="window"]');
+    if (film) {
+      film.querySelector("input").value = 40;
+      film.querySelector("input").dispatchEvent(new Event("input"));
+      found.film = [film.closest("figure").querySelector(".film img").style.filter, film.querySelector("output").textContent];
+    }
     const paper = () => getComputedStyle(document.documentElement).backgroundColor;
     found.light = paper();
     document.getElementById("theme").click();
@@ -171,6 +177,8 @@ def test_quantities_and_poses_have_pictures_and_scales_with_units(found):
 def test_values_are_said(found):
     assert re.search(r" at \(.*\) mm$", found["tip"]), found["tip"]
     assert re.match(r".+: .+ .+; .+", found["chart"]), found["chart"]
+    if "film" in found:
+        assert found["film"] == ["brightness(1) contrast(2.5)", "40 %, 50 %"]
 
 
 def test_themes_and_widths(found):

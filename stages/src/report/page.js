@@ -17,6 +17,19 @@ let before = "";
 addEventListener("beforeprint", () => { before = html.dataset.theme; html.dataset.theme = "light"; document.dispatchEvent(new Event("themechange")); });
 addEventListener("afterprint", () => { html.dataset.theme = before; document.dispatchEvent(new Event("themechange")); });
 
+// Window and level of the mammograms, in shares of the grey that is shown: out = (in - level) / window + 1/2.
+for (const controls of document.querySelectorAll('[data-part="window"]')) {
+  const [width, level] = controls.querySelectorAll("input"), films = controls.closest("figure").querySelectorAll(".film img");
+  const show = () => {
+    const [w, l] = [width.value / 100, level.value / 100];
+    for (const image of films) image.style.filter = `brightness(${1 / (2 * l)}) contrast(${2 * l / w})`;
+    controls.querySelector("output").textContent = `${width.value} %, ${level.value} %`;
+  };
+  width.addEventListener("input", show);
+  level.addEventListener("input", show);
+  controls.querySelector("button").addEventListener("click", () => { width.value = 100; level.value = 50; show(); });
+}
+
 for (const svg of document.querySelectorAll("figure svg")) {
   const hits = [...svg.querySelectorAll(".hit")];
   if (!hits.length) continue;
