@@ -197,10 +197,14 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
     let metrics = part.map_or(&[][..], |part| &part.metrics);
     let phantom = part.and_then(|part| part.phantom.as_ref());
 
-    let deliver = Deliver { study: study.without_files(), provenance: provenance.clone() };
+    let moving = outcome.poses.iter().filter_map(|(name, pose)| {
+        pose.registered.clone().map(|registered| (name.clone(), registered))
+    });
+    let (moving, moved): (Vec<String>, Vec<_>) = moving.unzip();
+    let deliver = Deliver { study: study.without_files(), moving, provenance: provenance.clone() };
     let squeezed = part.map(|part| &part.compression);
     let taken = part.and_then(|part| part.mammograms.as_ref());
-    let inputs = (mesh, calibration, &validations[..], squeezed, taken, metrics);
+    let inputs = (mesh, calibration, &validations[..], &moved[..], squeezed, taken, metrics);
     let results = run.stage("", &deliver, inputs)?;
     run.export("results.h5", &results)?;
 

@@ -1,6 +1,6 @@
 //! `mammotwin discover`: find the disagreement, name the missing effect, add it, show the gap.
 
-use super::{Opened, check::refuse_wrong, open, run};
+use super::{Opened, open, run};
 use crate::{
     cli::{DiscoverArguments, StudyArguments},
     display::Display,
@@ -27,10 +27,10 @@ use std::{
 pub fn discover(arguments: &DiscoverArguments) -> Result<(), Failure> {
     let opened = open(&arguments.study)?;
     let held_out = held_out(&opened, arguments.held_out.as_deref())?;
-    refuse_wrong(&findings(&opened.study, &opened.base))?;
+    opened.refuse_wrong(&findings(&opened.study, &opened.base))?;
     let display = Display::new();
     let options = Options { until: vec!["discover".into()], ..Options::default() };
-    let Opened { study, base, store } = &opened;
+    let Opened { study, base, store, .. } = &opened;
     let drive = Drive { store, base, options: &options, listener: &display };
     let pass = store::execute(&drive, |run| graph::discover(study, &held_out, run))?;
     drop(display);
@@ -143,8 +143,8 @@ fn distances(outcome: &Outcome) -> Result<BTreeMap<String, f64>, Failure> {
 
 /// Thickness (mm) and force (N) on the way of the compression, if there is one.
 fn force(outcome: &Outcome) -> Result<Option<Vec<(f64, f64)>>, Failure> {
-    let Some(compression) = &outcome.compression else { return Ok(None) };
-    let course = compression.load()?.curve;
+    let Some(squeezed) = &outcome.squeezed else { return Ok(None) };
+    let course = squeezed.compression.load()?.curve;
     Ok(Some(course.thickness_mm.into_iter().zip(course.force_n).collect()))
 }
 

@@ -3,7 +3,7 @@
 use super::{open, run};
 use crate::{
     cli::{DemoArguments, StudyArguments, SynthArguments},
-    display::Task,
+    display::{Task, say},
 };
 use mammotwin_data::{Failure, store::Options};
 use mammotwin_stages::{
@@ -16,8 +16,8 @@ use std::{collections::BTreeMap, fs, path::Path};
 pub fn synth(arguments: &SynthArguments) -> Result<(), Failure> {
     let settings = settings(arguments)?;
     let written = volunteer::synthesize(&settings, &Task::new("synth"))?;
-    println!("study: {}", written.study.display());
-    println!("truth: {}", written.truth.display());
+    say(&format!("study: {}", written.study.display()));
+    say(&format!("truth: {}", written.truth.display()));
     Ok(())
 }
 

@@ -89,7 +89,7 @@ impl Case {
         stage: &str,
         pick: impl Fn(graph::Found) -> Stored<T>,
     ) -> Result<T, Failure> {
-        let Opened { study, base, store } = &self.study()?;
+        let Opened { study, base, store, .. } = &self.study()?;
         let options = Options { until: vec![stage.into()], ..Options::default() };
         let display = Display::new();
         let drive = Drive { store, base, options: &options, listener: &display };
