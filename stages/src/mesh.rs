@@ -14,6 +14,7 @@ use mammotwin_imaging::mri::distance_field::{FieldPlan, distance_field};
 use mammotwin_solver::{
     mesh::{
         domain::{Domain, PatchDistances, difference_gradient},
+        lattice::Placement,
         quality::{Quality, quality},
         tetrahedralize::{Meshing, tetrahedralize},
     },
@@ -235,6 +236,21 @@ impl Stage for Mesh {
     type Output = BreastMesh;
 
     fn run(&self, labels: &LabelMap, progress: &dyn Progress) -> Result<BreastMesh, Failure> {
+        self.lying(labels, Meshing::of_size(self.size_mm).placement, progress)
+    }
+}
+
+impl Mesh {
+    /// The same mesh on a lattice that lies otherwise.
+    ///
+    /// # Errors
+    /// As the stage.
+    pub fn lying(
+        &self,
+        labels: &LabelMap,
+        placement: Placement,
+        progress: &dyn Progress,
+    ) -> Result<BreastMesh, Failure> {
         let limits = Limits::of(labels)?;
         let field = |mask: Volume<bool>, spacing_mm: f64| {
             distance_field(&mask, &FieldPlan::of_spacing(spacing_mm))
@@ -259,7 +275,8 @@ impl Stage for Mesh {
             if p.x > limits.sternum_mm { Tissue::AdiposeRight } else { Tissue::AdiposeLeft }
         };
         progress.report(0.5, "tetrahedra");
-        let mesh = tetrahedralize(&domain, &Meshing::of_size(self.size_mm), tissue)
+        let meshing = Meshing { size_mm: self.size_mm, placement };
+        let mesh = tetrahedralize(&domain, &meshing, tissue)
             .map_err(|cause| Failure::Numerics(format!("mesh: {cause}")))?;
         let anatomy = Anatomy::of(&mesh, limits.sternum_mm)
             .map_err(|cause| Failure::BadInput(format!("labels: {cause}")))?;

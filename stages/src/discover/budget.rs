@@ -76,19 +76,15 @@ impl Budget {
     }
 
     /// Covariance (mm²) of the residuals of all poses, whose simulated skins are `shapes`; their rigid
-    /// motions are open. `meshings` are differences (mm) to the same model on other meshes; each is
-    /// as likely an error as its opposite.
+    /// motions are open. `meshings` are differences (mm) to the same model on other meshes, whose
+    /// mean was taken from the residuals.
     pub fn covariance(
         &self,
         reference: &Shape,
         shapes: &[Shape],
         meshings: &[DVector<f64>],
     ) -> DMatrix<f64> {
-        let mut sum = self.measured(reference, shapes, OPEN);
-        for difference in meshings {
-            sum.ger(1.0, difference, difference, 1.0);
-        }
-        sum
+        self.measured(reference, shapes, OPEN) + of_meshes(shapes, meshings)
     }
 
     /// Covariance (mm²) of the errors of what was measured, with errors of the rigid motions.
@@ -139,6 +135,62 @@ impl Budget {
         }
         sum
     }
+}
+
+/// Length (mm) over which the errors of a mesh are alike, and over which their size is.
+const MESH_LENGTH_MM: f64 = 20.0;
+const MESH_SIZE_LENGTH_MM: f64 = 30.0;
+/// Part of the mesh's covariance that is the scatter of the meshes itself; the rest has its size, but
+/// any shape: a few meshes do not span all errors.
+const MESH_SCATTER: f64 = 0.5;
+
+/// Mean of columns.
+pub(super) fn mean(columns: &[DVector<f64>]) -> DVector<f64> {
+    let rows = columns.first().map_or(0, DVector::len);
+    columns.iter().fold(DVector::zeros(rows), |sum, c| sum + c) / columns.len().max(1) as f64
+}
+
+/// Covariance (mm²) of what the mesh is off, its mean known from `meshings` alone: their scatter about
+/// it, once for the truth and a part for the mean.
+fn of_meshes(shapes: &[Shape], meshings: &[DVector<f64>]) -> DMatrix<f64> {
+    let count = meshings.len() as f64;
+    let rows = shapes.iter().map(|shape| shape.points.len()).sum();
+    let mut sum = DMatrix::zeros(rows, rows);
+    if meshings.len() < 2 {
+        return sum;
+    }
+    let mean = mean(meshings);
+    let mut variance: DVector<f64> = DVector::zeros(rows);
+    for column in meshings {
+        let off = column - &mean;
+        sum.ger(MESH_SCATTER / (count - 1.0), &off, &off, 1.0);
+        variance += off.component_mul(&off) / (count - 1.0);
+    }
+    let mut at = 0;
+    for shape in shapes {
+        let nodes = shape.points.len();
+        let alike = |i: usize, j: usize, length: f64| {
+            let far = (shape.points[i] - shape.points[j]).norm_squared();
+            (-0.5 * far / (length * length)).exp()
+        };
+        let size: Vec<f64> = (0..nodes)
+            .map(|i| {
+                let weight = |j: usize| alike(i, j, MESH_SIZE_LENGTH_MM);
+                let all: f64 = (0..nodes).map(weight).sum();
+                let square: f64 = (0..nodes).map(|j| weight(j) * variance[at + j]).sum();
+                (square / all).sqrt()
+            })
+            .collect();
+        for i in 0..nodes {
+            for j in 0..nodes {
+                let facing = shape.normals[i].dot(&shape.normals[j]).max(0.0);
+                let any = size[i] * size[j] * alike(i, j, MESH_LENGTH_MM) * facing;
+                sum[(at + i, at + j)] += (1.0 - MESH_SCATTER) * any;
+            }
+        }
+        at += nodes;
+    }
+    sum * (1.0 + 1.0 / count)
 }
 
 /// Turns residuals into independent ones of variance 1.

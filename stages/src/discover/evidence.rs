@@ -2,12 +2,12 @@
 //! change about them, and the size of the errors.
 
 use super::{
-    budget::Budget,
-    observe::{Shape, differences, edges, residual, skin},
+    budget::{Budget, mean},
+    observe::{Shape, differences, edges, residual, skin, weighed},
     refit::with_effect,
 };
 use crate::{
-    calibrate::{Calibration, Experiment, Measured},
+    calibrate::{Calibration, Experiment, Fit, Measured},
     effects::{EFFECTS, Effect},
     mesh::{BreastMesh, Mesh},
     model::{Body, Moduli},
@@ -22,13 +22,25 @@ use mammotwin_data::{
     store::{Artifact, Stage},
     study::{CalibratePlan, ModelPlan},
 };
+use mammotwin_solver::mesh::lattice::Placement;
 use nalgebra::DVector;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::path::Path;
 
-/// Edge lengths of the other meshes, over the model's own.
-const MESHINGS: [f64; 3] = [0.8, 0.9, 1.15];
+/// The other meshes: edge length over the model's own, and how their lattice lies (degrees of
+/// freedom: turn about three axes in radians, shift in edge lengths).
+const MESHINGS: [(f64, Placement); 5] = [
+    (0.8, Placement { rotation: [0.0; 3], offset: [0.2, 0.4, 0.6] }),
+    (0.9, Placement { rotation: [0.4, -0.3, 0.2], offset: [0.5, 0.1, 0.3] }),
+    (1.0, Placement { rotation: [-0.2, 0.6, 0.5], offset: [0.3, 0.8, 0.1] }),
+    (1.0, Placement { rotation: [0.7, 0.2, -0.6], offset: [0.9, 0.6, 0.4] }),
+    (1.15, Placement { rotation: [0.1, -0.7, 0.3], offset: [0.6, 0.2, 0.7] }),
+];
+/// With fewer other meshes their scatter is no measure.
+const FEWEST_MESHINGS: usize = 3;
+/// With fewer nodes there is nothing to weigh.
+const FEWEST_NODES: usize = 30;
 /// Change of the logarithm of a modulus, for differences.
 const SMALL_MODULUS: f64 = 0.05;
 
@@ -39,13 +51,16 @@ pub struct Evidence {
     pub poses: Vec<String>,
     /// The reference pose.
     pub reference: Shape,
-    /// Pairs of compared nodes that are neighbours.
+    /// Places of the weighed nodes among those that a fit compares.
+    pub weighed: Vec<u32>,
+    /// Pairs of weighed nodes that are neighbours.
     pub edges: Vec<[u32; 2]>,
     /// The simulated poses.
     pub shapes: Vec<Shape>,
     /// Calibrated moduli.
     pub moduli: Moduli,
-    /// Signed distances (mm) of simulated to measured skin with these.
+    /// Signed distances (mm) of simulated to measured skin with these, less the mean difference to the
+    /// other meshes: what is known of the mesh's error.
     pub residual: DVector<f64>,
     /// Derivatives (mm) by the logarithms of the moduli, right and left.
     pub by_moduli: [DVector<f64>; 2],
@@ -60,7 +75,12 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Number of compared nodes.
+    /// Residuals (mm) of a fit, less what is known of the mesh's error.
+    pub(super) fn residual_of(&self, fit: &Fit) -> DVector<f64> {
+        residual(fit, &self.weighed) - mean(&self.meshings)
+    }
+
+    /// Number of weighed nodes.
     pub fn nodes(&self) -> usize {
         self.reference.points.len()
     }
@@ -73,7 +93,8 @@ impl Artifact for Evidence {
         let mut file = hdf5::Writer::create(path)?;
         file.put_texts("poses", &self.poses, "poses but the reference pose")?;
         self.reference.put(&mut file, "reference")?;
-        file.put("edges", &self.edges, "1", "neighbours among the compared nodes")?;
+        file.put("weighed", &self.weighed, "1", "weighed among the compared nodes")?;
+        file.put("edges", &self.edges, "1", "neighbours among the weighed nodes")?;
         for (pose, shape) in self.poses.iter().zip(&self.shapes) {
             shape.put(&mut file, &format!("shapes/{pose}"))?;
         }
@@ -114,6 +135,7 @@ impl Artifact for Evidence {
         }
         Ok(Self {
             reference: Shape::get(&file, "reference")?,
+            weighed: file.get("weighed")?,
             edges: file.get("edges")?,
             shapes: shapes.collect::<Result<_, _>>()?,
             moduli: file.json("moduli")?,
@@ -168,10 +190,10 @@ impl Gather {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, with their derivatives by the moduli and by the amplitude of each effect of \
-         a library, and their differences to the same model on three other meshes.";
+         a library, and their differences to the same model on five other meshes.";
     type Input = Input;
     type Output = Evidence;
 
@@ -186,29 +208,49 @@ impl Stage for Gather {
             Some(pose) if !pose.active.is_empty() => &pose.active,
             _ => return Err(Failure::BadInput("discover: no skin is compared".into())),
         };
-        let shape = |points: &[Vec3]| Shape::of(&skin(mesh, points), active);
+        let weighed = weighed(mesh, active);
+        let nodes: Vec<u32> = weighed.iter().map(|&place| active[place as usize]).collect();
+        if nodes.len() < FEWEST_NODES {
+            return Err(Failure::BadInput(format!(
+                "discover: only {} nodes of the skin lie between nipple and rim; take a smaller \
+                 mesh.size_mm",
+                nodes.len()
+            )));
+        }
+        let shape = |points: &[Vec3]| Shape::of(&skin(mesh, points), &nodes);
         let shapes: Vec<Shape> =
             base.poses[1..].iter().map(|pose| shape(&pose.solution.points)).collect();
 
-        let mut meshings = Vec::new();
-        for (n, part) in MESHINGS.into_iter().enumerate() {
-            progress.report(0.1 + 0.15 * n as f64, "the same model on other meshes");
-            let other = Mesh { size_mm: part * self.size_mm }.run(labels, &Silent)?;
+        progress.report(0.1, "the same model on other meshes");
+        let other = |(part, placement): (f64, Placement)| {
+            let meshing = Mesh { size_mm: part * self.size_mm };
+            let other = meshing.lying(labels, placement, &Silent)?;
             let experiment = Experiment::new(&other, &self.model, &self.calibrate, &measured)?;
             // A mesh on which the model fails tells nothing.
-            if let Ok(fit) = experiment.evaluate(moduli, None, &Silent, "") {
-                meshings.push(differences(&shapes, &fit.poses[1..], &other)?);
-            }
+            let Ok(fit) = experiment.evaluate(moduli, None, &Silent, "") else { return Ok(None) };
+            differences(&shapes, &fit.poses[1..], &other).map(Some)
+        };
+        let meshings: Vec<Option<DVector<f64>>> =
+            MESHINGS.into_par_iter().map(other).collect::<Result<_, Failure>>()?;
+        let meshings: Vec<DVector<f64>> = meshings.into_iter().flatten().collect();
+        if meshings.len() < FEWEST_MESHINGS {
+            return Err(Failure::Numerics(format!(
+                "discover: the model stands on {} of {} other meshes only; the error of the mesh is \
+                 not known",
+                meshings.len(),
+                MESHINGS.len()
+            )));
         }
 
         progress.report(0.55, "signatures of the effects");
-        let here = residual(&base);
+        let here = residual(&base, &weighed);
+        let off = mean(&meshings);
         let by_modulus = |[right, left]: [f64; 2]| {
             let mut moduli = moduli;
             moduli.right_kpa *= f64::exp(right);
             moduli.left_kpa *= f64::exp(left);
             let fit = experiment.evaluate(moduli, Some(&base), &Silent, "")?;
-            Ok::<_, Failure>((residual(&fit) - &here) / SMALL_MODULUS)
+            Ok::<_, Failure>((residual(&fit, &weighed) - &here) / SMALL_MODULUS)
         };
         let by_moduli = [by_modulus([SMALL_MODULUS, 0.0])?, by_modulus([0.0, SMALL_MODULUS])?];
         let signatures: Vec<(&'static Effect, DVector<f64>)> = EFFECTS
@@ -218,20 +260,21 @@ impl Stage for Gather {
                 let plan = with_effect(&self.model, effect, small);
                 let body = Body { plan: &plan, ..experiment.body.clone() };
                 let fit = experiment.evaluate_as(&body, moduli, Some(&base), &Silent, "");
-                Some((effect, (residual(&fit.ok()?) - &here) / small))
+                Some((effect, (residual(&fit.ok()?, &weighed) - &here) / small))
             })
             .collect();
         let found = |effect: &&Effect| signatures.iter().any(|(e, _)| e.name == effect.name);
         let failed = EFFECTS.into_iter().filter(|e| !found(e)).map(|e| e.name.into()).collect();
-        let edges = edges(mesh, active);
+        let edges = edges(mesh, &nodes);
         Ok(Evidence {
             poses: self.poses.clone(),
             reference: shape(&mesh.mesh.points),
-            budget: Budget::of(&edges, active.len(), &here),
+            budget: Budget::of(&edges, nodes.len(), &(&here - &off)),
+            weighed,
             edges,
             shapes,
             moduli,
-            residual: here,
+            residual: here - off,
             by_moduli,
             signatures,
             failed,

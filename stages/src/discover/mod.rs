@@ -50,9 +50,9 @@ pub struct PoseGap {
     pub pose: String,
     /// Simulated skin (mm) without and with the effect, in the reference pose's frame.
     pub skin: [TriMesh; 2],
-    /// Its nodes that are compared.
+    /// Its nodes that are weighed.
     pub active: Vec<u32>,
-    /// Signed distances (mm) with refitted moduli.
+    /// Signed distances (mm) with refitted moduli, less what is known of the mesh's error.
     pub before_mm: Vec<f64>,
     /// The same with the effect that explains most.
     pub after_mm: Vec<f64>,
@@ -90,7 +90,7 @@ impl Artifact for Discovery {
             let group = format!("gaps/{}", gap.pose);
             file.put_surface(&format!("{group}/skin_before"), &gap.skin[0])?;
             file.put_surface(&format!("{group}/skin_after"), &gap.skin[1])?;
-            file.put(&format!("{group}/active"), &gap.active, "1", "compared nodes")?;
+            file.put(&format!("{group}/active"), &gap.active, "1", "weighed nodes")?;
             let name = format!("{group}/before");
             file.put(&name, &gap.before_mm, "mm", "signed distance without the effect")?;
             let name = format!("{group}/after");
@@ -132,7 +132,7 @@ type Input = (Evidence, evidence::Input);
 
 impl Stage for Discover {
     const NAME: &'static str = "discover";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const METHODS: &'static str = "Residuals were weighed with the covariance of the errors of segmentation, registration, \
          chest wall and mesh. A score test asked for each effect of the library whether what the \
          moduli do not absorb of its signature is in the residuals; the threshold is the 99 % quantile \
@@ -181,13 +181,15 @@ impl Stage for Discover {
             Some(n) => (&with[n].1, &fits[n]),
             None => (&without, &without_fit),
         };
+        let active = without_fit.poses.first().map_or(&[][..], |pose| &pose.active);
+        let nodes: Vec<u32> = evidence.weighed.iter().map(|&at| active[at as usize]).collect();
         let gap = |(p, pose): (usize, &String)| {
             let own = |all| part(all, &[p], evidence.nodes()).as_slice().to_vec();
             let simulated = |fit: &Fit| skin(mesh, &fit.poses[p + 1].solution.points);
             PoseGap {
                 pose: pose.clone(),
                 skin: [simulated(&without_fit), simulated(after_fit)],
-                active: without_fit.poses[p + 1].active.clone(),
+                active: nodes.clone(),
                 before_mm: own(&without.residual),
                 after_mm: own(&after.residual),
                 rms_mm: judge.rms_mm(p, &without.residual, &after.residual),

@@ -6,7 +6,7 @@ use mammotwin_solver::distance::SurfaceIndex;
 use nalgebra::{DMatrix, DVector};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// The compared nodes of the skin in one shape of the body.
+/// The weighed nodes of the skin in one shape of the body.
 #[derive(Debug, Clone)]
 pub struct Shape {
     /// Positions (mm).
@@ -15,9 +15,26 @@ pub struct Shape {
     pub normals: Vec<Vec3>,
 }
 
-/// Edges of the skin between compared nodes, as places among these.
-pub(super) fn edges(mesh: &BreastMesh, active: &[u32]) -> Vec<[u32; 2]> {
-    let place: BTreeMap<u32, u32> = active.iter().zip(0..).map(|(&node, at)| (node, at)).collect();
+/// Nodes this near (mm) to the nipple are not weighed: the mesh does not resolve it, so that normal
+/// distances there are those of its bump.
+const NIPPLE_MM: f64 = 20.0;
+/// Nor are nodes beyond this elliptic radius of the base: the limits of the model are not the person's.
+const RIM: f64 = 0.9;
+
+/// Places, among the nodes that a fit compares, of those that are weighed.
+pub(super) fn weighed(mesh: &BreastMesh, active: &[u32]) -> Vec<u32> {
+    let inside = |node: u32| {
+        let point = &mesh.mesh.points[node as usize];
+        let nearest = mesh.anatomy.nearest(point);
+        nearest
+            .is_some_and(|(base, radius)| radius < RIM && (base.nipple - point).norm() > NIPPLE_MM)
+    };
+    (0..).zip(active).filter(|(_, node)| inside(**node)).map(|(place, _)| place).collect()
+}
+
+/// Edges of the skin between some of its nodes, as places among these.
+pub(super) fn edges(mesh: &BreastMesh, nodes: &[u32]) -> Vec<[u32; 2]> {
+    let place: BTreeMap<u32, u32> = nodes.iter().zip(0..).map(|(&node, at)| (node, at)).collect();
     let mut edges = BTreeSet::new();
     for face in mesh.mesh.patch(Patch::Skin) {
         for n in 0..3 {
@@ -35,10 +52,14 @@ pub(super) fn skin(mesh: &BreastMesh, points: &[Vec3]) -> TriMesh {
     TriMesh { points: points.to_vec(), triangles: mesh.mesh.patch(Patch::Skin).to_vec() }
 }
 
-/// The residuals (mm) of all poses but the reference pose, one after the other.
-pub(super) fn residual(fit: &Fit) -> DVector<f64> {
-    let all = fit.poses[1..].iter().flat_map(|pose| pose.signed_mm.iter().copied());
-    DVector::from_vec(all.collect())
+/// The residuals (mm) of all poses but the reference pose, one after the other, at the places among
+/// the compared nodes that are weighed.
+pub(super) fn residual(fit: &Fit, weighed: &[u32]) -> DVector<f64> {
+    let one = |pose: &PoseFit| {
+        let signed_mm = pose.signed_mm.clone();
+        weighed.iter().map(move |&place| signed_mm[place as usize])
+    };
+    DVector::from_vec(fit.poses[1..].iter().flat_map(one).collect())
 }
 
 /// Signed distances (mm) of the nodes of all poses to the skin of the same poses on another mesh.
@@ -69,18 +90,18 @@ pub(super) fn part(all: &DVector<f64>, poses: &[usize], nodes: usize) -> DVector
 }
 
 impl Shape {
-    /// The compared nodes of a skin.
-    pub fn of(skin: &TriMesh, active: &[u32]) -> Self {
+    /// Some nodes of a skin.
+    pub fn of(skin: &TriMesh, nodes: &[u32]) -> Self {
         let normals = skin.vertex_normals();
         Self {
-            points: active.iter().map(|&n| skin.points[n as usize]).collect(),
-            normals: active.iter().map(|&n| normals[n as usize]).collect(),
+            points: nodes.iter().map(|&n| skin.points[n as usize]).collect(),
+            normals: nodes.iter().map(|&n| normals[n as usize]).collect(),
         }
     }
 
     /// Writes into a group.
     pub(super) fn put(&self, file: &mut hdf5::Writer, group: &str) -> Result<(), Failure> {
-        file.put(&format!("{group}/points"), &self.points, "mm", "compared nodes of the skin")?;
+        file.put(&format!("{group}/points"), &self.points, "mm", "weighed nodes of the skin")?;
         file.put(&format!("{group}/normals"), &self.normals, "1", "outward unit normals")?;
         Ok(())
     }

@@ -108,7 +108,7 @@ impl Refit<'_> {
         // Unknowns: logarithms of both moduli over the start, amplitude.
         let mut at = DVector::zeros(columns.len());
         let mut fit = self.start.clone();
-        let all = observe::residual(&fit);
+        let all = self.evidence.residual_of(&fit);
         let mut residual = self.whitened(&all);
         let mut best = Fitted {
             residual: all,
@@ -142,7 +142,7 @@ impl Refit<'_> {
                 damping *= 0.4;
                 continue;
             };
-            let all = observe::residual(&trial);
+            let all = self.evidence.residual_of(&trial);
             let there = self.whitened(&all);
             let change = &there - &residual - &jacobian * &step;
             jacobian.ger(1.0 / step.norm_squared(), &change, &step, 1.0);

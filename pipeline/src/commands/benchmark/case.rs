@@ -48,7 +48,8 @@ impl Case {
         let kind = if self.kind == Kind::Exact { "exact" } else { "imaged" };
         let name = match self.hidden {
             None => "nothing".into(),
-            Some((effect, _)) => format!("{}_{}", effect.name, self.sigma),
+            // With the amplitude: other evidence asks for another volunteer.
+            Some((effect, amplitude)) => format!("{}_{}_{amplitude:.6}", effect.name, self.sigma),
         };
         self.out.join(kind).join(format!("{}-{}", self.preset, self.seed)).join(name)
     }
