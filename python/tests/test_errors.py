@@ -167,3 +167,15 @@ def test_a_wrong_word_is_refused(results):
     pytest.importorskip("matplotlib").use("Agg")
     with pytest.raises(ValueError, match="'paddle' or 'receptor'"):
         plots.pressure_map(results.compression, "above")
+
+
+def test_a_pose_called_compressed_is_not_the_compression(tmp_path):
+    path = results_file(tmp_path / "results.h5", poses={"compressed": {"use": "fit"}})
+    with h5py.File(path, "a") as file:
+        for name in ("poses/compressed", "compression"):
+            file.create_group(name).attrs["long_name"] = name
+        file.create_group("calibration/rest")
+        file.create_group("compression/rest")
+    with mammotwin.open(path) as results:
+        assert results.poses["compressed"].state.long_name == "poses/compressed"
+        assert results.states["compressed"].long_name == "compression"

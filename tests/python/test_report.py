@@ -29,7 +29,7 @@ addEventListener("load", async () => {
     const picture = () => {
       const flat = document.createElement("canvas");
       [flat.width, flat.height] = [canvas.width, canvas.height];
-      const context = flat.getContext("2d");
+      const context = flat.getContext("2d", { willReadFrequently: true });
       context.drawImage(canvas, 0, 0);
       const data = context.getImageData(0, 0, flat.width, flat.height).data;
       let drawn = 0, hash = 0;
@@ -73,6 +73,23 @@ addEventListener("load", async () => {
     const box = canvas.getBoundingClientRect();
     canvas.dispatchEvent(new PointerEvent("pointermove", { clientX: box.left + box.width / 2, clientY: box.top + box.height / 2 }));
     found.tip = part("tip").hidden ? "" : part("tip").textContent;
+    // What the pointer says and what is painted there, of the first pose.
+    found.painted = [];
+    const pose = [...part("scene").options].find(option => option.text.startsWith("Pose"));
+    if (pose) {
+      part("scene").value = pose.value;
+      part("scene").dispatchEvent(new Event("change"));
+      await wait(200);
+      const flat = document.createElement("canvas");
+      [flat.width, flat.height] = [canvas.width, canvas.height];
+      const context = flat.getContext("2d", { willReadFrequently: true });
+      context.drawImage(canvas, 0, 0);
+      for (let u = 0.05; u < 1; u += 0.05) for (let v = 0.05; v < 1; v += 0.05) {
+        canvas.dispatchEvent(new PointerEvent("pointermove", { clientX: box.left + box.width * u, clientY: box.top + box.height * v }));
+        const [red, , blue, alpha] = context.getImageData(Math.round(canvas.width * u), Math.round(canvas.height * v), 1, 1).data;
+        found.painted.push([part("tip").hidden ? "" : part("tip").textContent, red - blue, alpha]);
+      }
+    }
     const chart = document.querySelector("figure.chart svg"), figure = chart.closest("figure");
     chart.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight" }));
     found.chart = figure.querySelector(".tip").textContent;
@@ -172,6 +189,31 @@ def test_quantities_and_poses_have_pictures_and_scales_with_units(found):
         assert f"({unit})" in quantity["unit"] and len(quantity["ticks"].split()) == 5
     assert any("distance" in scene["label"] for scene in found["scenes"])
     assert all(scene["drawn"] > 0.05 for scene in found["scenes"])
+
+
+def test_what_the_pointer_says_is_what_is_painted(found):
+    """Red outside of the measured skin, blue inside, grey where nothing is compared, nothing beside the body."""
+    if not found["painted"]:
+        pytest.skip("no pose was compared")
+    kinds, wrong = set(), 0
+    for text, red_over_blue, alpha in found["painted"]:
+        said = re.match(r"(−?[\d.]+) mm at", text)
+        value = float(said.group(1).replace("−", "-")) if said else None
+        if not text:
+            kind, right = "none", alpha == 0
+        elif value is None:
+            kind, right = "grey", alpha == 255 and 0 < red_over_blue < 12
+        elif value > 0.5:
+            kind, right = "red", red_over_blue > 8
+        elif value < -0.5:
+            kind, right = "blue", red_over_blue < 0
+        else:
+            continue
+        kinds.add(kind)
+        wrong += not right
+    assert kinds == {"none", "grey", "red", "blue"}
+    # A pixel at a silhouette, or at the rim of what is compared, may fall on the other side.
+    assert wrong <= 0.02 * len(found["painted"])
 
 
 def test_values_are_said(found):

@@ -124,7 +124,7 @@ impl Scene {
         }
         let indices = surface.triangles.as_flattened();
         let bytes: Vec<u8> = indices.iter().flat_map(|n| n.to_le_bytes()).collect();
-        let plate = |corners: &[Vec3; 4]| corners.map(|p| <[f64; 3]>::from(p));
+        let plate = |corners: &[Vec3; 4]| corners.map(<[f64; 3]>::from);
         let plates = |s: &SceneState| s.plates.iter().map(plate).collect::<Vec<_>>();
         Ok(json!({
             "title": self.title, "caption": self.caption, "along": self.along,
