@@ -77,7 +77,7 @@ fn every_command_has_help() {
     let text = String::from_utf8(help.stdout).unwrap();
     for command in [
         "demo", "synth", "run", "report", "score", "status", "explain", "check", "verify", "gc",
-        "inspect",
+        "inspect", "study",
     ] {
         assert!(text.contains(&format!("  {command} ")), "{text}");
         let help = mammotwin(&[command, "--help"], Path::new("."));

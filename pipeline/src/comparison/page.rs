@@ -194,6 +194,15 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
     add("force.svg", course("Force against thickness", "force (N)", &of));
     let of = |f: &Found| f.compression.curve.peak_pressure_kpa.clone();
     add("peak_pressure.svg", course("Largest pressure against thickness", "pressure (kPa)", &of));
+    let by_force = |(way, f): &(&Way, &Found)| {
+        let curve = &f.compression.curve;
+        let along = curve.force_n.iter().copied();
+        let points = along.zip(curve.peak_pressure_kpa.iter().copied()).collect();
+        Line { name: way.label.clone(), points }
+    };
+    let (title, pressure) = ("Largest pressure at the same force", "pressure (kPa)");
+    let all_ways = found.iter().map(by_force).collect();
+    add("peak_by_force.svg", chart(title, "force (N)", pressure, all_ways, Axis::Rising));
     let of = |f: &Found| f.compression.curve.mean_pressure_kpa.clone();
     let title = "Mean pressure of the paddle's face against thickness";
     add("mean_pressure.svg", course(title, "pressure (kPa)", &of));

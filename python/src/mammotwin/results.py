@@ -151,11 +151,11 @@ class Results:
         return {name: State(name, group.group(name), self._extra(name)) for name in group.names()}
 
     def _extra(self, name: str) -> dict:
-        # Contact pressure lies at the grid for viewers, which shows the most advanced state.
-        place = "VTKHDF/PointData/contact_pressure_kpa"
-        if name != "compressed" or place not in self._root:
+        # Contact lies at the grid for viewers, which shows the most advanced state.
+        if name != "compressed":
             return {}
-        return {"contact_pressure_kpa": self._root.field(place)}
+        places = {field: f"VTKHDF/PointData/{field}" for field in ("contact_pressure_kpa", "contact_area_mm2")}
+        return {field: self._root.field(place) for field, place in places.items() if place in self._root}
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -228,7 +228,8 @@ class Results:
     @property
     def comfort(self) -> Metrics:
         """Force, contact area, pressure, percentiles of stress and strain at the end of the compression."""
-        words = ("thickness", "force", "contact", "mean_pressure", "peak_pressure", "pressure", "von_mises", "strain")
+        words = ("thickness", "nominal_thickness", "deflection", "force", "contact", "front", "face", "juxtathoracic")
+        words += ("mean_pressure", "peak_pressure", "pressure", "mat", "von_mises", "strain", "stretch")
         return self._part("comfort metrics", "comfort", *words)
 
     @property

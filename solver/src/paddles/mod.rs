@@ -19,7 +19,7 @@ pub use tilting::Gimbal;
 use std::{fmt::Debug, sync::Arc};
 
 /// Most coordinates that a paddle may have.
-pub const COORDINATES: usize = 20;
+pub const COORDINATES: usize = 25;
 
 /// Where a paddle is besides its height: its coordinates, in about the millimetres that they lift
 /// its surface by.
