@@ -90,6 +90,11 @@ impl Press<'_> {
         }
     }
 
+    /// Forgets what was learnt of how body and paddle give way.
+    pub fn forget(&mut self) {
+        (self.softening, self.yielding) = (None, None);
+    }
+
     fn walk_rigid(&mut self, state: &mut State, load: Load) -> Result<(), SolveError> {
         let counts = &mut self.counts;
         solve::walk(&mut self.newton, &self.model, state, load, self.options, counts, &Silent)

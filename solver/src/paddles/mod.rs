@@ -84,6 +84,11 @@ impl Paddle {
         }
     }
 
+    /// Whether the body moves it in more than one direction.
+    pub fn gives_way(&self) -> bool {
+        self.hinge().is_some() || self.lift().is_some_and(|lift| lift.coordinates() > 0)
+    }
+
     /// What lifts the surface.
     pub fn lift(&self) -> Option<&Arc<dyn Lift>> {
         match self {
