@@ -160,7 +160,7 @@ impl Compression {
 
 impl Stage for Compress {
     const NAME: &'static str = "compress";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const METHODS: &'static str = "The breast was compressed between two plates, flat, frictionless and fixed in their direction \
          unless stated otherwise, their rounded edges along the chest wall under it, from its stress-free shape and without gravity (the thesis \
          neglects its prestress, too).";

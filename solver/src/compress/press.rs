@@ -25,7 +25,7 @@ const LARGEST_TURN: f64 = 0.05;
 const TILT_TRIALS: usize = 30;
 
 /// A pose is found when no coordinate would still change by more (mm).
-const POSE_TOLERANCE_MM: f64 = 0.01;
+const POSE_TOLERANCE_MM: f64 = 0.002;
 /// Largest change (mm) of a coordinate in one trial, and most trials.
 const LARGEST_MOVE_MM: f64 = 4.0;
 const POSE_TRIALS: usize = 40;
