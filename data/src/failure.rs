@@ -1,5 +1,6 @@
 //! How a run ends when it does not end well.
 
+use crate::study::StudyError;
 use std::path::{Path, PathBuf};
 
 /// A refusal that reaches the user as one line: what is wrong, where, and how to mend it.
@@ -13,6 +14,14 @@ pub enum Failure {
     /// A file or a study key is missing, malformed or implausible (exit 65).
     #[error("{0}")]
     BadInput(String),
+    /// A study file is refused (exit 65).
+    #[error("{}: {error}", path.display())]
+    Study {
+        /// The study file.
+        path: PathBuf,
+        /// What is wrong in it.
+        error: StudyError,
+    },
     /// Physics or numerics refused; the last good state is kept (exit 70).
     #[error("{0}")]
     Numerics(String),
@@ -35,11 +44,19 @@ impl Failure {
         Self::Io { path: path.as_ref().to_owned(), cause: cause.to_string() }
     }
 
+    /// The line that is to blame, with a mark under the key, where there is one.
+    pub fn excerpt(&self) -> Option<&str> {
+        match self {
+            Self::Study { error, .. } if !error.excerpt.is_empty() => Some(&error.excerpt),
+            _ => None,
+        }
+    }
+
     /// Process exit code.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Usage(_) => 2,
-            Self::BadInput(_) => 65,
+            Self::BadInput(_) | Self::Study { .. } => 65,
             Self::Numerics(_) => 70,
             Self::Io { .. } => 74,
             Self::Busy(_) => 75,
@@ -53,6 +70,10 @@ impl Failure {
             Self::BadInput(text) => Self::BadInput(format!("{context}: {text}")),
             Self::Numerics(text) => Self::Numerics(format!("{context}: {text}")),
             Self::Busy(text) => Self::Busy(format!("{context}: {text}")),
+            Self::Study { path, error } => {
+                let text = format!("{} ({context})", error.text);
+                Self::Study { path, error: StudyError { text, ..error } }
+            }
             Self::Io { path, cause } => Self::Io { path, cause: format!("{cause} ({context})") },
         }
     }

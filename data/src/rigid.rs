@@ -5,10 +5,26 @@ use crate::{Mat3, Vec3};
 /// `p -> rotation * p + translation`, in mm.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct RigidTransform {
-    /// Proper rotation.
+    /// Proper rotation; JSON has its three rows.
+    #[serde(with = "rows")]
     pub rotation: Mat3,
     /// Translation (mm), applied after the rotation.
     pub translation: Vec3,
+}
+
+/// A matrix as people write it: three rows of three numbers.
+mod rows {
+    use crate::Mat3;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(matrix: &Mat3, to: S) -> Result<S::Ok, S::Error> {
+        // An array of a matrix has its columns; those of the transpose are the rows.
+        <[[f64; 3]; 3]>::from(matrix.transpose()).serialize(to)
+    }
+
+    pub fn deserialize<'a, D: Deserializer<'a>>(from: D) -> Result<Mat3, D::Error> {
+        <[[f64; 3]; 3]>::deserialize(from).map(|rows| Mat3::from(rows).transpose())
+    }
 }
 
 impl RigidTransform {
@@ -70,5 +86,15 @@ mod tests {
         assert!(both.translation.norm() < 1e-12);
         assert!((motion.point(&center) - center - Vec3::new(1.0, 2.0, 3.0)).norm() < 1e-12);
         assert!((motion.angle() - Vec3::new(0.1, -0.7, 0.4).norm()).abs() < 1e-12);
+    }
+    #[test]
+    fn json_has_the_rows_of_a_rotation() {
+        // A quarter turn about z: x goes to y, so that the first row is (0, -1, 0).
+        let rotation = Mat3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
+        let motion = RigidTransform { rotation, translation: Vec3::new(1.0, 2.0, 3.0) };
+        let text = serde_json::to_string(&motion).unwrap();
+        let rows = "[[0.0,-1.0,0.0],[1.0,0.0,0.0],[0.0,0.0,1.0]]";
+        assert_eq!(text, format!("{{\"rotation\":{rows},\"translation\":[1.0,2.0,3.0]}}"));
+        assert_eq!(serde_json::from_str::<RigidTransform>(&text).unwrap(), motion);
     }
 }

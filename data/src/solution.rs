@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 pub struct Solution {
     /// Current node positions (mm).
     pub points: Vec<Vec3>,
-    /// Mean stress at the nodes (kPa), negative in compression.
-    pub pressure_kpa: Vec<f64>,
+    /// Mean stress tr σ / 3 at the nodes (kPa), negative in compression.
+    pub mean_stress_kpa: Vec<f64>,
     /// Deformation gradient, one per tetrahedron.
     pub deformation_gradient: Vec<Mat3>,
     /// Cauchy stress (kPa), one per tetrahedron.
@@ -33,6 +33,12 @@ impl Solution {
             ..self.clone()
         }
     }
+}
+
+/// Von Mises stress (kPa): √(3/2 s:s) with the deviator s of the Cauchy stress.
+pub fn von_mises_kpa(cauchy_kpa: &Mat3) -> f64 {
+    let deviator = cauchy_kpa - Mat3::identity() * (cauchy_kpa.trace() / 3.0);
+    (1.5 * deviator.norm_squared()).sqrt()
 }
 
 /// Numbers that say whether a state may be believed.

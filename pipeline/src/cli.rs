@@ -1,21 +1,33 @@
 //! What the command line understands.
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 /// From a volunteer's MRI to mammography metrics.
 #[derive(Debug, Parser)]
-#[command(version, about, arg_required_else_help = true, after_help = EXIT_CODES)]
+#[command(name = "mammotwin", version, about, arg_required_else_help = true, after_help = EXIT_CODES)]
 pub struct Arguments {
     /// Number of threads; the results do not depend on it [default: all cores]
     #[arg(long, global = true, value_name = "N")]
     pub threads: Option<usize>,
+    /// Show failures and answers only
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Append what happens to a file; MAMMOTWIN_LOG=debug tells more
+    #[arg(long, global = true, value_name = "FILE")]
+    pub log: Option<PathBuf>,
     /// What to do
     #[command(subcommand)]
     pub command: Command,
 }
 
-const EXIT_CODES: &str = "Exit codes: 0 done, 2 usage, 65 bad input, 70 physics or numerics \
+const EXIT_CODES: &str = "\
+Examples:
+  mammotwin demo                                 a digital volunteer, through all stages, to the report
+  mammotwin run study.toml                       a study of your own
+  mammotwin status study.toml                    how it stands
+
+Exit codes: 0 done, 2 usage, 65 bad input, 70 physics or numerics \
     refused, 74 reading or writing failed, 75 another process is at work.";
 
 /// What to do.
@@ -31,16 +43,21 @@ pub enum Command {
     #[command(after_help = RUN_EXAMPLES)]
     Run(RunArguments),
     /// Compute the report, and what it needs
+    #[command(after_help = "Example:\n  mammotwin report study.toml")]
     Report(StudyArguments),
     /// Compare a finished run with the truth of a digital volunteer
     #[command(after_help = "Example:\n  mammotwin score dv/study.toml --truth dv/truth --json")]
     Score(ScoreArguments),
     /// How each stage stands: fresh, stale, missing, running, failed, damaged, edited by hand
+    #[command(
+        after_help = "Examples:\n  mammotwin status study.toml\n  mammotwin status study.toml --json"
+    )]
     Status(ReadArguments),
     /// Which field of a stage's key changed: old -> new
     #[command(after_help = "Example:\n  mammotwin explain study.toml segment:prone")]
     Explain(ExplainArguments),
     /// Which physical effects a model may lack, and what shows them
+    #[command(after_help = "Example:\n  mammotwin effects --json")]
     Effects(EffectsArguments),
     /// Find where simulation and measurement disagree, name the missing effect, add it, show the gap
     #[command(after_help = DISCOVER_HELP)]
@@ -49,6 +66,7 @@ pub enum Command {
     #[command(after_help = CHECK_HELP)]
     Check(ReadArguments),
     /// Read all results again and compare them with what was stored
+    #[command(after_help = "Example:\n  mammotwin verify study.toml")]
     Verify(StudyArguments),
     /// Drop results that the study does not need any more
     #[command(after_help = GC_HELP)]
@@ -57,8 +75,19 @@ pub enum Command {
     #[command(after_help = "Example:\n  mammotwin inspect prone.nii.gz --json")]
     Inspect(InspectArguments),
     /// Studies of the models themselves
-    #[command(subcommand)]
+    #[command(subcommand, after_help = "Example:\n  mammotwin study dose --out runs/dose")]
     Study(StudyCommand),
+    /// A BIDS App: all participants of a BIDS folder, then the table of the group
+    #[command(after_help = BIDS_HELP)]
+    Bids(BidsArguments),
+    /// Completions of a shell, on standard output
+    #[command(after_help = COMPLETIONS_EXAMPLES)]
+    Completions(CompletionArguments),
+    /// The manual page, on standard output; with --out the pages of all commands
+    #[command(
+        after_help = "Examples:\n  mammotwin man | man -l -\n  mammotwin man --out ~/.local/share/man/man1"
+    )]
+    Man(ManArguments),
 }
 
 /// A study of a model.
@@ -67,12 +96,53 @@ pub enum StudyCommand {
     /// Dance's dose against Monte Carlo under a tilted paddle: table, chart, fitted correction
     #[command(after_help = "Example:\n  mammotwin study dose --out runs/dose --photons 400000")]
     Dose(DoseArguments),
+    /// How often `discover` names what was hidden: volunteers with hidden effects, scored
+    #[command(after_help = BENCHMARK_HELP)]
+    Discovery(BenchmarkArguments),
     /// One breast under several paddles: comfort, image, dose; table, charts, page
     #[command(after_help = PADDLES_EXAMPLES)]
     Paddles(PaddlesArguments),
     /// One breast with the paddle at several distances from the chest wall
     #[command(after_help = POSITIONS_EXAMPLES)]
     Positions(PositionsArguments),
+}
+
+const BENCHMARK_HELP: &str = "\
+Makes volunteers with nothing and with each effect hidden at 2, 5 and 10 standard deviations, gathers
+the evidence of each, and tries the verdict on drawn errors. With --images also whole runs from noisy
+images. What is there already is kept: a study that was cut short goes on where it ended.
+
+Examples:
+  mammotwin study discovery --out runs/discovery --seeds 7 --draws 20
+  mammotwin study discovery --out runs/discovery --seeds 7,11,13 --images 8 --minutes 120";
+
+/// The benchmark of `discover`.
+#[derive(Debug, Clone, Args)]
+pub struct BenchmarkArguments {
+    /// Folder with the volunteers and the results
+    #[arg(long, value_name = "DIR", default_value = "runs/discovery")]
+    pub out: PathBuf,
+    /// Kind of volunteer
+    #[arg(long, value_name = "PRESET", default_value = "tiny")]
+    pub preset: String,
+    /// Which persons of that kind
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "7")]
+    pub seeds: Vec<u64>,
+    /// Draws of errors for each case
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    pub draws: usize,
+    /// Cases of each person that go through images, segmentation and registration
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub images: usize,
+    /// Hide only these effects
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
+    pub effects: Vec<String>,
+    /// Severities (standard deviations), in the order in which they are tried
+    #[arg(long, value_name = "SIGMA", value_delimiter = ',', default_value = "5,10,2")]
+    pub sigmas: Vec<f64>,
+    /// Begin no case after so many minutes
+    #[arg(long, value_name = "N")]
+    pub minutes: Option<u64>,
 }
 
 /// The study of paddles.
@@ -133,7 +203,11 @@ pub struct DoseArguments {
 const CHECK_HELP: &str = "\
 Looked at: every file is there and readable, landmarks lie inside of the image and on their side
 (a mirrored header), labels lie on the grid of the image, gravity agrees with the landmarks.
-Exits with 65 when something is wrong.";
+Exits with 65 when something is wrong.
+
+Examples:
+  mammotwin check study.toml
+  mammotwin check study.toml --json";
 
 const DISCOVER_HELP: &str = "\
 Runs the study, then asks of each effect (see `mammotwin effects`) whether it explains what the
@@ -163,7 +237,32 @@ Examples:
 
 const GC_HELP: &str = "\
 Kept are the results of the study as it is now, results whose need is not known before other
-stages ran, and everything outside of the cache. One output folder serves one study.";
+stages ran, and everything outside of the cache. One output folder serves one study.
+
+Examples:
+  mammotwin gc study.toml --dry-run
+  mammotwin gc study.toml";
+
+const COMPLETIONS_EXAMPLES: &str = "\
+Examples:
+  mammotwin completions bash > ~/.local/share/bash-completion/completions/mammotwin
+  mammotwin completions zsh  > ~/.zfunc/_mammotwin
+  mammotwin completions fish > ~/.config/fish/completions/mammotwin.fish";
+
+const BIDS_HELP: &str = "\
+Read are sub-LABEL/[ses-*/]anat/sub-LABEL_..acq-POSE.._T1w.nii.gz (or T2w): one image for each pose. Poses
+are called supine, prone and upright; another one needs the key GravityInImage (RAS) in its JSON sidecar.
+Landmarks are the sidecar's AnatomicalLandmarkCoordinates (voxels) or a file .._landmarks.csv (mm, RAS) of
+the same name. All else is in the template, a study without [subject] and [poses.*]; in it
+[bids] validate = [\"tilted\"] names the poses that are held out.
+
+participant  computes each participant: segmentations, results, metrics, report
+group        gathers the metrics of all participants into one table and one page
+
+Examples:
+  mammotwin bids data derivatives participant --template template.toml
+  mammotwin bids data derivatives participant --participant-label 01 02
+  mammotwin bids data derivatives group";
 
 const SYNTH_EXAMPLES: &str = "\
 Examples:
@@ -302,6 +401,54 @@ pub struct GcArguments {
     /// Only say what would be dropped
     #[arg(long)]
     pub dry_run: bool,
+}
+
+/// A BIDS folder.
+#[derive(Debug, Clone, Args)]
+pub struct BidsArguments {
+    /// Folder with the participants, sub-*
+    #[arg(value_name = "BIDS_DIR")]
+    pub bids_dir: PathBuf,
+    /// Folder of the derivatives
+    #[arg(value_name = "OUT_DIR")]
+    pub out_dir: PathBuf,
+    /// What to compute
+    #[arg(value_name = "LEVEL")]
+    pub level: BidsLevel,
+    /// Only these participants, without sub- [default: all]
+    #[arg(long, value_name = "LABEL", num_args = 1..)]
+    pub participant_label: Vec<String>,
+    /// Study without subject and poses [default: literature moduli, a compression to 50 mm]
+    #[arg(long, value_name = "TEMPLATE.toml")]
+    pub template: Option<PathBuf>,
+    /// Folder of the cache [default: OUT_DIR/work]
+    #[arg(long, short, value_name = "DIR")]
+    pub work_dir: Option<PathBuf>,
+}
+
+/// Levels of a BIDS App.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum BidsLevel {
+    /// Each participant.
+    Participant,
+    /// All of them together.
+    Group,
+}
+
+/// A shell.
+#[derive(Debug, Clone, Args)]
+pub struct CompletionArguments {
+    /// Which shell
+    #[arg(value_name = "SHELL")]
+    pub shell: clap_complete::Shell,
+}
+
+/// Manual pages.
+#[derive(Debug, Clone, Args)]
+pub struct ManArguments {
+    /// Folder to write the pages of all commands to
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
 }
 
 /// A file to look at.

@@ -9,9 +9,34 @@ use mammotwin_data::{
 use std::{
     io::IsTerminal,
     path::Path,
-    sync::{Mutex, PoisonError},
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
     time::Duration,
 };
+
+/// Whether only failures are shown.
+static QUIET: AtomicBool = AtomicBool::new(false);
+
+/// From now on nothing but failures and answers is shown.
+pub fn be_quiet() {
+    QUIET.store(true, Ordering::Relaxed);
+}
+
+/// What a run tells on standard output, unless it is quiet.
+pub fn say(text: &str) {
+    if !QUIET.load(Ordering::Relaxed) {
+        println!("{text}");
+    }
+}
+
+/// What a run tells on standard error, unless it is quiet.
+fn tell(text: &str) {
+    if !QUIET.load(Ordering::Relaxed) {
+        eprintln!("{text}");
+    }
+}
 
 /// Bar steps from begin to end of a stage.
 const STEPS: f64 = 1000.0;
@@ -41,14 +66,17 @@ impl Display {
 
     fn line(&self, text: &str) {
         match &*self.bar() {
-            Some(bar) => bar.suspend(|| eprintln!("{text}")),
-            None => eprintln!("{text}"),
+            Some(bar) => bar.suspend(|| tell(text)),
+            None => tell(text),
         }
     }
 
     fn begin(&self, instance: &str, number: usize, total: usize) {
         if !self.terminal {
-            eprintln!("[{number}/{total}] {instance} ...");
+            tell(&format!("[{number}/{total}] {instance} ..."));
+            return;
+        }
+        if QUIET.load(Ordering::Relaxed) {
             return;
         }
         let style =
@@ -69,6 +97,7 @@ impl Display {
 
 impl Listener for Display {
     fn on(&self, event: &Event<'_>) {
+        log(event);
         match event {
             Event::Started { instance, number, total } => self.begin(instance, *number, *total),
             Event::Progress { fraction, doing, .. } => {
@@ -79,11 +108,10 @@ impl Listener for Display {
             }
             Event::Computed { instance, record, differs } => {
                 self.end();
-                eprintln!("{}", done(instance, record));
+                tell(&done(instance, record));
                 if *differs {
-                    eprintln!(
-                        "{instance}: warning: other bytes than the last time from equal inputs"
-                    );
+                    let text = "warning: other bytes than the last time from equal inputs";
+                    tell(&format!("{instance}: {text}"));
                 }
             }
             Event::Failed { .. } => self.end(),
@@ -132,6 +160,32 @@ impl Progress for Task {
 impl Drop for Task {
     fn drop(&mut self) {
         self.display.end();
+    }
+}
+
+/// The same for the log.
+fn log(event: &Event<'_>) {
+    match event {
+        Event::Started { instance, number, total } => {
+            tracing::info!(instance, number, total, "started");
+        }
+        Event::Progress { instance, fraction, doing } => {
+            tracing::debug!(instance, fraction, doing, "progress");
+        }
+        Event::Computed { instance, record, differs } => {
+            let (wall_ms, peak_memory_bytes) = (record.wall_ms, record.peak_memory_bytes);
+            tracing::info!(instance, wall_ms, peak_memory_bytes, differs, "computed");
+        }
+        Event::Failed { instance, .. } => tracing::error!(instance, "failed"),
+        Event::Reused { instance, .. } => tracing::info!(instance, "reused"),
+        Event::Damaged { what, why } => tracing::warn!(what, why = one_line(why), "damaged"),
+        Event::Waiting { instance, holder } => {
+            tracing::info!(instance, holder = %holder, "waiting");
+        }
+        Event::Edited { instance, inputs_changed, .. } => {
+            tracing::info!(instance, inputs_changed, "edited by hand");
+        }
+        Event::Kept { .. } => tracing::info!("a file that was changed by hand is kept"),
     }
 }
 

@@ -14,7 +14,8 @@ use mammotwin_stages::{
     comfort::Comfort,
     compress::{Compress, Compression},
     deliver::{Deliver, RawPicture, Report, ShownPicture},
-    discover::{Discover, Discovery},
+    discover::{Discover, Discovery, Evidence, Gather},
+    effects::EFFECTS,
     mammogram::{Mammogram, Mammograms},
     mesh::{BreastMesh, Mesh},
     monte_carlo::MonteCarlo,
@@ -149,12 +150,17 @@ fn body(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     Ok(Outcome { reference, poses, mesh, calibration, validations, squeezed: None })
 }
 
+/// What [`discover`] makes.
+#[derive(Debug)]
+pub struct Found {
+    /// Residuals, their derivatives and errors.
+    pub evidence: Stored<Evidence>,
+    /// The answer.
+    pub discovery: Stored<Discovery>,
+}
+
 /// Calls the stages of a study, and looks for an effect that its model lacks.
-pub fn discover(
-    study: &Study,
-    held_out: &str,
-    run: &Run<'_>,
-) -> Result<Stored<Discovery>, Failure> {
+pub fn discover(study: &Study, held_out: &str, run: &Run<'_>) -> Result<Found, Failure> {
     let Outcome { reference, poses, mesh, calibration, .. } = self::run(study, run)?;
     let (mut names, mut motions, mut surfaces) = (Vec::new(), Vec::new(), Vec::new());
     for (name, pose) in &poses {
@@ -164,20 +170,22 @@ pub fn discover(
             surfaces.push(pose.surfaces.clone());
         }
     }
-    let discover = Discover {
+    let gather = Gather {
         model: study.model.clone(),
         calibrate: study.calibrate.clone(),
         size_mm: study.mesh.size_mm,
         gravity: gravity(&reference, &study.poses[&reference])?,
         poses: names,
-        held_out: held_out.into(),
         reference: reference.clone(),
+        library: EFFECTS.map(|effect| effect.name).to_vec(),
     };
     let first = &poses[&reference];
     let inputs = (&first.labels, &first.surfaces, &mesh, &calibration, &motions[..], &surfaces[..]);
-    let found = run.stage("", &discover, inputs)?;
-    run.export("discovery.h5", &found)?;
-    Ok(found)
+    let evidence = run.stage("", &gather, inputs)?;
+    let discover = Discover { gather, held_out: held_out.into() };
+    let discovery = run.stage("", &discover, (&evidence, inputs))?;
+    run.export("discovery.h5", &discovery)?;
+    Ok(Found { evidence, discovery })
 }
 
 /// The files that people open.
@@ -189,10 +197,14 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
     let metrics = part.map_or(&[][..], |part| &part.metrics);
     let phantom = part.and_then(|part| part.phantom.as_ref());
 
-    let deliver = Deliver { study: study.without_files(), provenance: provenance.clone() };
+    let moving = outcome.poses.iter().filter_map(|(name, pose)| {
+        pose.registered.clone().map(|registered| (name.clone(), registered))
+    });
+    let (moving, moved): (Vec<String>, Vec<_>) = moving.unzip();
+    let deliver = Deliver { study: study.without_files(), moving, provenance: provenance.clone() };
     let squeezed = part.map(|part| &part.compression);
     let taken = part.and_then(|part| part.mammograms.as_ref());
-    let inputs = (mesh, calibration, &validations[..], squeezed, taken, metrics);
+    let inputs = (mesh, calibration, &validations[..], &moved[..], squeezed, taken, metrics);
     let results = run.stage("", &deliver, inputs)?;
     run.export("results.h5", &results)?;
 

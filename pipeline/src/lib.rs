@@ -3,6 +3,7 @@
 //! [`graph`] is the pipeline: one function whose calls are the graph. [`commands`] holds one
 //! function for each command; [`cli`] reads the arguments, and `main` only reports how it ended.
 
+pub mod bids;
 pub mod cli;
 pub mod commands;
 pub mod comparison;

@@ -76,11 +76,94 @@ fn every_command_has_help() {
     let help = mammotwin(&["--help"], Path::new("."));
     let text = String::from_utf8(help.stdout).unwrap();
     for command in [
-        "demo", "synth", "run", "report", "score", "status", "explain", "check", "verify", "gc",
-        "inspect", "study",
+        "demo",
+        "synth",
+        "run",
+        "report",
+        "score",
+        "status",
+        "explain",
+        "check",
+        "verify",
+        "gc",
+        "inspect",
+        "effects",
+        "discover",
+        "study",
+        "bids",
+        "completions",
+        "man",
     ] {
         assert!(text.contains(&format!("  {command} ")), "{text}");
         let help = mammotwin(&[command, "--help"], Path::new("."));
         assert!(help.status.success() && help.stdout.len() > 100, "{command}");
+        let help = String::from_utf8(help.stdout).unwrap();
+        let example = format!("\n  mammotwin {command}");
+        assert!(help.contains("Example") && help.contains(&example), "{command}: {help}");
     }
+    assert!(text.contains("Examples:\n  mammotwin "), "{text}");
+}
+
+#[test]
+fn shells_and_man_know_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    for (shell, mark) in [
+        ("bash", "complete -F _mammotwin"),
+        ("zsh", "#compdef mammotwin"),
+        ("fish", "complete -c mammotwin"),
+    ] {
+        let output = mammotwin(&["completions", shell], folder.path());
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(output.status.success() && text.contains(mark), "{shell}");
+        for word in ["synth", "discover", "bids", "held-out"] {
+            assert!(text.contains(word), "{shell}: {word}");
+        }
+    }
+    let page = String::from_utf8(mammotwin(&["man"], folder.path()).stdout).unwrap();
+    assert!(page.contains(".TH mammotwin 1") && page.contains("Exit codes"), "{page}");
+    assert!(mammotwin(&["man", "--out", "pages"], folder.path()).status.success());
+    for name in ["mammotwin.1", "mammotwin-run.1", "mammotwin-study-dose.1"] {
+        assert!(folder.path().join("pages").join(name).exists(), "{name}");
+    }
+}
+
+#[test]
+fn a_refused_study_shows_its_line_to_people_and_one_line_to_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let study = STUDY.replace("posture", "gravity");
+    fs::write(folder.path().join("study.toml"), study).unwrap();
+    let asked = |excerpt: &str, command: &str| {
+        let output = Command::new(env!("CARGO_BIN_EXE_mammotwin"))
+            .args([command, "study.toml"])
+            .env("MAMMOTWIN_EXCERPT", excerpt)
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(65));
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let error = asked("always", "run");
+    let lines: Vec<&str> = error.lines().skip(1).collect();
+    assert_eq!(lines, ["  |", "6 | gravity = \"prone\"", "  | ^^^^^^^"]);
+    assert_eq!(asked("never", "run").lines().count(), 1);
+    // Files that cannot be what the study says are marked, too.
+    fs::write(folder.path().join("study.toml"), STUDY).unwrap();
+    let error = asked("always", "check");
+    assert!(error.starts_with("mammotwin: study.toml: line 5: poses.prone.image: "), "{error}");
+    assert!(error.contains("5 | image = \"no such.nii.gz\"\n  | ^^^^^\n"), "{error}");
+}
+
+#[test]
+fn a_log_is_written_and_quiet_is_quiet() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("study.toml"), STUDY).unwrap();
+    let output = mammotwin(&["--log", "log.txt", "check", "study.toml"], folder.path());
+    assert_eq!(output.status.code(), Some(65));
+    let log = fs::read_to_string(folder.path().join("log.txt")).unwrap();
+    assert!(log.contains("ERROR") && log.contains("poses.prone.image"), "{log}");
+    let output = mammotwin(&["--log", "no/log.txt", "check", "study.toml"], folder.path());
+    assert_eq!(output.status.code(), Some(74));
+    let quiet = ["man", "--quiet", "--out", "pages"];
+    let output = mammotwin(&quiet, folder.path());
+    assert!(output.status.success() && output.stdout.is_empty() && output.stderr.is_empty());
 }

@@ -59,6 +59,13 @@ fn results(out: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     found
 }
 
+/// Stages that have a result while a run is at work.
+fn kept(cache: &Path) -> usize {
+    let inside = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
+    let results = inside(cache).flat_map(|stage| inside(&stage.path()));
+    results.filter(|result| result.path().join("record.json").exists()).count()
+}
+
 #[track_caller]
 fn same(a: &Path, b: &Path) {
     let (a, b) = (results(a), results(b));
@@ -107,7 +114,9 @@ fn the_tiny_volunteer_runs_again_only_where_it_must_and_to_the_same_bits() {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    thread::sleep(Duration::from_secs(8));
+    while kept(&killed.join("out/cache")) < 6 && child.try_wait().unwrap().is_none() {
+        thread::sleep(Duration::from_millis(50));
+    }
     child.kill().unwrap();
     child.wait().unwrap();
     let left = computed(&killed.join("study.toml"), "2");
@@ -129,6 +138,17 @@ fn the_tiny_volunteer_runs_again_only_where_it_must_and_to_the_same_bits() {
     let of = |name: &String| before.iter().any(|stage| name.starts_with(stage));
     assert!(!planned.iter().any(of), "{planned:?}");
     assert_eq!(computed(&study, "2"), planned.len());
+    // Plates farther apart than the breast is thick: one line, and the results stay.
+    let old = "stop = { thickness_mm = ";
+    assert!(text.contains(old));
+    fs::write(&study, text.replace(old, "stop = { thickness_mm = 1")).unwrap();
+    let held = results(&volunteer.join("out"));
+    let wide = mammotwin(&["run", study.to_str().unwrap()]).output().unwrap();
+    assert_eq!(wide.status.code(), Some(65));
+    let said = String::from_utf8_lossy(&wide.stderr);
+    let last = said.lines().last().unwrap();
+    assert!(last.contains("compress.stop.thickness_mm: 146 mm is more than"), "{said}");
+    assert_eq!(results(&volunteer.join("out")), held);
     // And back again: all is still there.
     fs::write(&study, &text).unwrap();
     assert_eq!(computed(&study, "2"), 0);

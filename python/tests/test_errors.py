@@ -12,7 +12,7 @@ import mammotwin
 from mammotwin import MissingError, NotResultsError, OptionalPackageError, SchemaError
 
 
-def results_file(path, schema=1, system="RAS mm", **study):
+def results_file(path, schema=2, system="RAS mm", **study):
     """A file as small as `results.h5` can be."""
     plan = {"schema": 1, "subject": {"id": "x"}, "model": {}, "poses": {"prone": {"use": "fit"}}, **study}
     with h5py.File(path, "w") as file:
@@ -56,10 +56,10 @@ def test_a_truncated_file(tmp_path):
         mammotwin.open(path)
 
 
-@pytest.mark.parametrize(("version", "remedy"), [(2, "update this package"), (0, "run the study again")])
+@pytest.mark.parametrize(("version", "remedy"), [(3, "update this package"), (1, "run the study again")])
 def test_another_version_of_the_layout(tmp_path, version, remedy):
     path = results_file(tmp_path / "results.h5", schema=version)
-    with pytest.raises(SchemaError, match=f"layout {version}, this package reads 1; {remedy}"):
+    with pytest.raises(SchemaError, match=f"layout {version}, this package reads 2; {remedy}"):
         mammotwin.open(path)
     # The file was let go: it may be replaced where open files may not.
     path.unlink()
@@ -110,29 +110,37 @@ def test_results_without_their_folder_name_the_stage(results, tmp_path):
         pytest.skip("no held-out pose")
     with mammotwin.open(alone) as copy:
         assert copy.compression.force_n == results.compression.force_n, "what is in the file itself is there"
+        assert copy.poses[pose].to_reference.angle_deg == results.poses[pose].to_reference.angle_deg
+        for when in ("before", "after"):
+            own, other = getattr(copy.poses[pose], when), getattr(results.poses[pose], when)
+            assert own.distances == other.distances and np.array_equal(own.signed_mm, other.signed_mm)
+        assert copy.calibration.after == results.calibration.after
+        assert copy.compression.stopped_early == results.compression.stopped_early
+        picture = next(iter(copy.radiographs.values()))
+        assert picture.technique.kerma_mgy > 0 and picture.regions
         with pytest.raises(MissingError, match="open the run folder") as refused:
-            _ = copy.poses[pose].to_reference
-        assert refused.value.stage == f"register:{pose}"
-        with pytest.raises(MissingError, match=f"validate:{pose}"):
-            _ = copy.poses[pose].after
+            _ = copy.poses[pose].measured_skin
+        assert refused.value.stage == f"surface:{pose}"
+        with pytest.raises(MissingError, match="`mesh`"):
+            _ = copy.mesh
 
 
 def test_results_of_another_run_are_not_mixed(results, tmp_path):
     """A stage that was written anew since, and one that is gone."""
-    record = next(r for r in results.provenance if r.stage == "register")
+    record = next(r for r in results.provenance if r.stage == "surface")
     slot = results.folder.file(record.stage, record.of).parent
     there = tmp_path / "cache" / record.stage / slot.name
     shutil.copytree(slot, there)
     shutil.copy(results.path, tmp_path / "results.h5")
     with mammotwin.open(tmp_path) as copy:
-        assert copy.poses[record.of].to_reference.angle_deg > 0
+        assert len(copy.poses[record.of].measured_skin.points) > 0
     written = json.loads((there / "record.json").read_text())
     (there / "record.json").write_text(json.dumps({**written, "content": "0" * 64}))
     with mammotwin.open(tmp_path) as copy:
         with pytest.raises(MissingError, match="not of one run"):
-            _ = copy.poses[record.of].to_reference
-        with pytest.raises(MissingError, match="mammotwin run STUDY.toml --until calibrate"):
-            _ = copy.calibration
+            _ = copy.poses[record.of].measured_skin
+        with pytest.raises(MissingError, match="mammotwin run STUDY.toml --until mesh"):
+            _ = copy.mesh
 
 
 def test_the_reference_pose_is_compared_with_nothing(results):

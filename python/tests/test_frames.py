@@ -149,8 +149,8 @@ def test_transforms_compose():
     homogeneous = np.c_[points, np.ones(5)] @ motion.matrix.T
     np.testing.assert_allclose(homogeneous[:, :3], motion(points), atol=1e-10)
     np.testing.assert_allclose(motion.lps()(points * TO_LPS), motion(points) * TO_LPS, atol=1e-10)
-    stored = {"rotation": motion.rotation.T.ravel().tolist(), "translation": motion.translation_mm.tolist()}
-    np.testing.assert_allclose(RigidTransform.from_stage(stored).rotation, motion.rotation)
+    stored = {"rotation": motion.rotation.tolist(), "translation": motion.translation_mm.tolist()}
+    np.testing.assert_array_equal(RigidTransform.from_json(stored).rotation, motion.rotation)
     turned = motion.to_simpleitk().TransformPoint((points[0] * TO_LPS).tolist())
     np.testing.assert_allclose(np.array(turned) * TO_LPS, motion(points[0]), atol=1e-8)
 

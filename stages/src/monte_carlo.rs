@@ -121,6 +121,6 @@ impl Stage for MonteCarlo {
             &format!("{around}, behind a grid"),
             exam.behind_grid(disc),
         );
-        Ok(Metrics { metrics })
+        Ok(Metrics { metrics, ..Metrics::default() })
     }
 }

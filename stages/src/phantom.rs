@@ -48,6 +48,7 @@ impl Artifact for CompressedPhantom {
 
     fn save(&self, path: &Path) -> Result<(), Failure> {
         let mut file = hdf5::Writer::create(path)?;
+        file.frame(hdf5::Frame::Detector)?;
         file.put_surface("surface", &self.surface)?;
         file.put_scalar("thickness", self.thickness_mm, "mm", "distance of the plates")?;
         file.put_json("plan", &self.plan, "tissue and microcalcifications")?;

@@ -33,6 +33,18 @@ pub struct Quality {
 pub struct Metrics {
     /// In the order of the report.
     pub metrics: Vec<Metric>,
+    /// Regions of interest of each picture, where the numbers come from such.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub regions: Vec<PictureRegions>,
+}
+
+/// Regions of interest of one picture.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct PictureRegions {
+    /// Diameter of the microcalcifications (mm).
+    pub diameter_mm: f64,
+    /// Around each microcalcification.
+    pub regions: Vec<RoiQuality>,
 }
 
 impl Artifact for Metrics {
@@ -54,7 +66,7 @@ const THESIS_AGD_MGY: f64 = 1.20;
 
 impl Stage for Quality {
     const NAME: &'static str = "quality";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "Signal-to-noise and signal-difference-to-noise ratios are those of Mîra (2018, \
          eqs. 5.1-5.5) in squares of 1 cm, as printed and with the plane of the background removed. \
          Average glandular dose is K g c s (Dance, Phys. Med. Biol. 45 (2000) 3225).";
@@ -68,7 +80,7 @@ impl Stage for Quality {
     ) -> Result<Metrics, Failure> {
         let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("quality: {cause}"));
         let unit = Unit::pristina(self.pixel_mm, self.energy_kev);
-        let mut metrics = Vec::new();
+        let (mut metrics, mut measured) = (Vec::new(), Vec::new());
         for (technique, picture) in mammograms.techniques.iter().zip(&mammograms.pictures) {
             let one = phantom.with_diameter(technique.diameter_mm).map_err(|c| refuse(&c))?;
             let regions = quality(picture, &one, &unit.geometry).map_err(|c| refuse(&c))?;
@@ -88,6 +100,10 @@ impl Stage for Quality {
             add("snr_detrended", "SNR, plane removed", &|r| r.detrended.snr, None);
             add("sdnr", "SDNR as printed", &|r| r.printed.sdnr, thesis.map(|t| t.1));
             add("sdnr_detrended", "SDNR, plane removed", &|r| r.detrended.sdnr, None);
+            measured.push(PictureRegions {
+                diameter_mm: technique.diameter_mm,
+                regions: regions.clone(),
+            });
             if let Some(index) = detectability(&regions) {
                 let long = format!("detectability index d', {um} µm, {} regions", regions.len());
                 let source = "observer who knows signal and white noise (Barrett and Myers 2004)";
@@ -113,6 +129,6 @@ impl Stage for Quality {
                 metric.thesis = Some(THESIS_AGD_MGY);
             }
         }
-        Ok(Metrics { metrics })
+        Ok(Metrics { metrics, regions: measured })
     }
 }

@@ -65,7 +65,7 @@ impl Artifact for Registered {
 
 impl Stage for Register {
     const NAME: &'static str = "register";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const METHODS: &'static str = "Poses were registered to the reference pose by maximising the normalised \
          cross-correlation of the images over the pectoral muscle and the ribs behind it, from coarse \
          to fine: first rigidly, then with a smooth change of the chest wall's shape (cubic B-splines; \

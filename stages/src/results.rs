@@ -2,32 +2,44 @@
 //!
 //! The layout is documented in `docs/hdf5.md`.
 
+mod compression;
+mod poses;
+
+pub use compression::Picture;
+pub use poses::PoseResult;
+
+use crate::{calibrate::Calibration, compress::Compression};
 use mammotwin_data::{
     Failure, Mat3, Vec3,
-    io::hdf5::{Curve, Field, Step, Writer},
+    io::hdf5::{Curve, Field, Frame, Step, Writer},
     mesh::TetMesh,
     metric::Metric,
-    radiograph::Radiograph,
-    solution::Solution,
+    solution::{Solution, von_mises_kpa},
     study::Study,
 };
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Version of the layout, raised when a reader must change.
-pub const SCHEMA_VERSION: i64 = 1;
+pub const SCHEMA_VERSION: i64 = 2;
 
 /// What goes into the file.
 #[derive(Debug, Clone, Copy)]
 pub struct Results<'a> {
     /// The study that was run.
     pub study: &'a Study,
-    /// Equilibrium states, the most advanced one last; it is the one that `/VTKHDF` shows.
-    pub states: &'a [State<'a>],
+    /// The most advanced state of equilibrium, for `/VTKHDF`.
+    pub shown: Option<&'a State<'a>>,
+    /// The calibration, and the stress-free shape that belongs to the fitted moduli.
+    pub calibration: Option<(&'a Calibration, &'a TetMesh)>,
+    /// The poses, the reference first.
+    pub poses: &'a [PoseResult<'a>],
+    /// The compression.
+    pub compression: Option<&'a Compression>,
     /// Curves, `force_thickness` among them when there was a compression.
     pub curves: &'a [Curve],
-    /// Pictures by name.
-    pub radiographs: &'a [(String, &'a Radiograph)],
+    /// Pictures of the compressed breast.
+    pub pictures: &'a [Picture<'a>],
     /// The numbers of the report.
     pub metrics: &'a [Metric],
     /// What made them.
@@ -75,24 +87,28 @@ pub struct StageRecord {
 /// Writes `results.h5`.
 pub fn write(path: &Path, results: &Results) -> Result<(), Failure> {
     let mut file = Writer::create(path)?;
-    file.attribute("/", "coordinate_system", "RAS mm")?;
+    file.frame(Frame::Ras)?;
     file.integer_attribute("/", "schema_version", &[SCHEMA_VERSION])?;
-    if let Some(state) = results.states.last() {
+    if let Some(state) = results.shown {
         let (points, cells) = fields(state);
         file.put_vtkhdf(state.rest, &state.solution.points, &points, &cells)?;
         file.attribute("VTKHDF", "long_name", state.long_name)?;
     }
-    for state in results.states {
-        let group = format!("states/{}", state.name);
-        file.put_mesh(&format!("{group}/rest"), state.rest)?;
-        file.put_solution(&format!("{group}/solution"), state.solution)?;
-        file.attribute(&group, "long_name", state.long_name)?;
+    if let Some((found, rest)) = results.calibration {
+        let fitted = &results.study.calibrate.parameters;
+        poses::put_calibration(&mut file, found, fitted, rest)?;
+    }
+    for pose in results.poses {
+        poses::put_pose(&mut file, pose)?;
+    }
+    if let Some(found) = results.compression {
+        compression::put_compression(&mut file, found)?;
     }
     for curve in results.curves {
         file.put_curve("curves", curve)?;
     }
-    for (name, radiograph) in results.radiographs {
-        file.put_radiograph(&format!("radiographs/{name}"), radiograph)?;
+    for picture in results.pictures {
+        compression::put_picture(&mut file, picture)?;
     }
     put_metrics(&mut file, results.metrics)?;
     let parameters = without_paths(results.study)?;
@@ -124,16 +140,16 @@ pub fn write_series(path: &Path, states: &[State]) -> Result<(), Failure> {
     Ok(file.finish()?)
 }
 
-/// Fields at the nodes and in the tetrahedra; displacement and pressure come first.
+/// Fields at the nodes and in the tetrahedra; displacement and mean stress come first.
 fn fields(state: &State) -> (Vec<Field>, Vec<Field>) {
-    let Solution { points, pressure_kpa, deformation_gradient, cauchy_kpa, .. } = state.solution;
+    let Solution { points, mean_stress_kpa, deformation_gradient, cauchy_kpa, .. } = state.solution;
     let moved: Vec<Vec3> =
         points.iter().zip(&state.rest.points).map(|(x, rest)| x - rest).collect();
     let long_name = "Displacement from the stress-free shape";
     let displacement = Field::vector("displacement_mm", "mm", long_name, &moved);
-    let long_name = "Mean stress, negative in compression";
-    let pressure = Field::scalar("pressure_kpa", "kPa", long_name, pressure_kpa.clone());
-    let point_fields = [&[displacement, pressure], state.point_fields].concat();
+    let long_name = "Mean stress tr σ / 3, negative in compression";
+    let mean = Field::scalar("mean_stress_kpa", "kPa", long_name, mean_stress_kpa.clone());
+    let point_fields = [&[displacement, mean], state.point_fields].concat();
 
     let scalar =
         |name, units, long_name, values: Vec<f64>| Field::scalar(name, units, long_name, values);
@@ -149,12 +165,6 @@ fn fields(state: &State) -> (Vec<Field>, Vec<Field>) {
     (point_fields, cell_fields)
 }
 
-/// Von Mises stress (kPa): √(3/2 s:s) with the deviator s.
-pub fn von_mises_kpa(cauchy_kpa: &Mat3) -> f64 {
-    let deviator = cauchy_kpa - Mat3::identity() * (cauchy_kpa.trace() / 3.0);
-    (1.5 * deviator.norm_squared()).sqrt()
-}
-
 /// Principal stretches, largest first: the singular values of F.
 pub fn principal_stretches(gradient: &Mat3) -> Vec3 {
     let squares = (gradient.transpose() * gradient).symmetric_eigenvalues();
@@ -167,7 +177,9 @@ fn put_metrics(file: &mut Writer, metrics: &[Metric]) -> Result<(), Failure> {
     let texts = |of: fn(&Metric) -> &str| metrics.iter().map(of).collect::<Vec<&str>>();
     file.put_texts("metrics/name", &texts(|m| &m.name), "Name with its unit")?;
     file.put_texts("metrics/long_name", &texts(|m| &m.long_name), "What it says")?;
-    file.put_texts("metrics/unit", &texts(|m| &m.unit), "Unit of value and thesis")?;
+    let unit = |m: &Metric| if m.unit.is_empty() { "1".into() } else { m.unit.clone() };
+    let units: Vec<String> = metrics.iter().map(unit).collect();
+    file.put_texts("metrics/unit", &units, "Unit of value and thesis")?;
     let values: Vec<f64> = metrics.iter().map(|m| m.value).collect();
     file.put("metrics/value", &values, "see unit", "Value")?;
     let thesis: Vec<f64> = metrics.iter().map(|m| m.thesis.unwrap_or(f64::NAN)).collect();
@@ -233,9 +245,12 @@ mod tests {
         let path = folder.path().join("results.h5");
         let results = Results {
             study: &study,
-            states: &[],
+            shown: None,
+            calibration: None,
+            poses: &[],
+            compression: None,
             curves: &[],
-            radiographs: &[],
+            pictures: &[],
             metrics: &[Metric::new("a_mm", "A", "mm", 1.0, "eq. 1").beside(2.0)],
             provenance: &Provenance::default(),
         };

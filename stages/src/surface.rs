@@ -44,6 +44,7 @@ impl Artifact for PoseSurfaces {
 
     fn save(&self, path: &Path) -> Result<(), Failure> {
         let mut file = hdf5::Writer::create(path)?;
+        file.frame(hdf5::Frame::Ras)?;
         file.put_surface("skin", &self.skin)?;
         file.put_surface("chest_wall", &self.chest_wall)?;
         Ok(file.finish()?)
@@ -57,7 +58,7 @@ impl Artifact for PoseSurfaces {
 
 impl Stage for Surface {
     const NAME: &'static str = "surface";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "Surfaces are the zero level of smooth signed distance fields of the labels, \
          placed between voxels.";
     type Input = LabelMap;

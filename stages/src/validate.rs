@@ -41,6 +41,7 @@ impl Artifact for Validation {
 
     fn save(&self, path: &Path) -> Result<(), Failure> {
         let mut file = hdf5::Writer::create(path)?;
+        file.frame(hdf5::Frame::Ras)?;
         file.put_text("pose", &self.after.pose, "name of the pose")?;
         self.before.put(&mut file, "before")?;
         self.after.put(&mut file, "after")?;
@@ -59,7 +60,7 @@ impl Artifact for Validation {
 
 impl Stage for Validate {
     const NAME: &'static str = "validate";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "A pose that the calibration never read was simulated from the stress-free shape; \
          distances are those of Mîra (2018, Appendix A) on the skin of the breasts.";
     type Input = (BreastMesh, Calibration, Registered, PoseSurfaces);

@@ -48,6 +48,7 @@ fn errors(preset: &str, seed: u64, voxel_mm: f64) -> Vec<[[f64; 2]; 2]> {
         voxel_mm: Some([voxel_mm; 3]),
         poses: vec![PoseName::Supine, PoseName::Prone, PoseName::Tilted],
         hidden: std::collections::BTreeMap::new(),
+        still: false,
         out_dir: folder.path().into(),
     };
     synthesize(&settings, &Silent).unwrap();

@@ -32,9 +32,13 @@ def texts(dataset):
     return list(dataset.asstr()[()])
 
 
+def texts_of(dataset):
+    return dataset.asstr()[()]
+
+
 def test_root(file):
     assert file.attrs["coordinate_system"] == "RAS mm"
-    assert file.attrs["schema_version"] == 1
+    assert file.attrs["schema_version"] == 2
     assert {"metrics", "parameters", "provenance"} <= set(file)
 
 
@@ -45,11 +49,10 @@ def test_every_dataset_says_its_units_and_its_meaning(file):
 
 
 def test_the_compressed_breast_lies_where_the_poses_lie(file):
-    states = file["states"]
-    if "compressed" not in states:
+    if "compression" not in file:
         pytest.skip("no compression")
-    whole = next(states[name]["rest/points"][()] for name in states if name != "compressed")
-    for point in states["compressed"]["rest/points"][()][::20]:
+    whole = file["calibration/rest/points"][()]
+    for point in file["compression/rest/points"][()][::20]:
         assert np.linalg.norm(whole - point, axis=1).min() < 1e-6, point
 
 
@@ -60,9 +63,9 @@ def test_every_number_is_finite(file):
 
 
 def test_a_unit_in_a_name_is_the_unit_of_the_dataset(file):
-    endings = {"mm": "mm", "n": "N", "kpa": "kPa", "mgy": "mGy", "kev": "keV", "deg": "deg"}
+    endings = {"mm": "mm", "mm2": "mm2", "n": "N", "kpa": "kPa", "mgy": "mGy", "kev": "keV", "deg": "deg"}
     for name, dataset in datasets(file).items():
-        ending = re.search(r"_(mm|n|kpa|mgy|kev|deg)$", name)
+        ending = re.search(r"(?<!_per)_(mm2?|n|kpa|mgy|kev|deg)$", name)
         if ending:
             assert dataset.attrs["units"] == endings[ending.group(1)], name
 
@@ -84,14 +87,21 @@ def test_grid(file):
     assert all(len(field) == cells for field in grid["CellData"].values())
 
 
+def states(file):
+    """(name, stress-free shape, solution) of every state of equilibrium."""
+    for name, pose in file["poses"].items():
+        yield name, file["calibration/rest"], pose["solution"]
+    if "compression" in file:
+        yield "compression", file["compression/rest"], file["compression/solution"]
+
+
 def test_states(file):
-    if "states" not in file:
-        pytest.skip("no equilibrium state in this study")
-    for name, state in file["states"].items():
-        rest, solution = state["rest"], state["solution"]
+    found = list(states(file))
+    assert found
+    for name, rest, solution in found:
         nodes, cells = len(rest["points"]), len(rest["tets"])
         assert solution["points"].shape == (nodes, 3), name
-        assert solution["pressure_kpa"].shape == (nodes,), name
+        assert solution["mean_stress_kpa"].shape == (nodes,), name
         assert solution["deformation_gradient"].shape == (cells, 3, 3), name
         assert solution["cauchy_kpa"].shape == (cells, 3, 3), name
         assert rest["tissues"].shape == (cells,), name
@@ -103,7 +113,32 @@ def test_states(file):
         np.testing.assert_allclose(gradient @ before, now, atol=1e-6, err_msg=name)
         stress = solution["cauchy_kpa"][()]
         np.testing.assert_allclose(stress, np.swapaxes(stress, 1, 2), atol=1e-9 * max(1, abs(stress).max()))
-        assert len(solution["forces/names"]) == len(solution["forces/values"]), name
+        assert len(solution["forces/names"]) == len(solution["forces/force_n"]), name
+        trace = np.trace(stress, axis1=1, axis2=2) / 3.0
+        mean = solution["mean_stress_kpa"][()]
+        assert trace.min() - 1e-9 <= mean.min() and mean.max() <= trace.max() + 1e-9, name
+
+
+def test_units_are_those_of_udunits(file):
+    """ASCII powers, no blank, forces in N: what xarray with pint or cf-units reads."""
+    found = {dataset.attrs["units"] for dataset in datasets(file).values()} | set(texts(file["metrics/unit"]))
+    known = {"mm", "mm2", "cm2", "1/mm2", "N", "kPa", "deg", "mGy", "mGy/mGy", "keV", "1", "text", "see unit"}
+    assert found <= known, found - known
+
+
+def test_motions_are_rigid_and_gravity_is_a_unit_vector(file):
+    roles = [texts_of(pose["role"]) for pose in file["poses"].values()]
+    assert roles.count("reference") == 1 and set(roles) <= {"reference", "fit", "validate"}
+    motions = [pose["to_reference"] for pose in file["poses"].values() if "to_reference" in pose]
+    assert len(motions) == len(roles) - 1
+    if "compression" in file:
+        motions.append(file["compression/to_detector"])
+    for motion in motions:
+        rotation = motion["rotation"][()]
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(rotation) > 0 and motion["translation_mm"].shape == (3,)
+    for pose in file["poses"].values():
+        assert abs(np.linalg.norm(pose["gravity"][()]) - 1.0) < 1e-9
 
 
 def test_metrics(file):
@@ -134,7 +169,7 @@ def test_pyvista_opens_the_mesh_and_its_fields(file):
     mesh = pyvista.HDFReader(PATH).read()
     assert mesh.n_cells == int(file["VTKHDF/NumberOfCells"][0])
     np.testing.assert_array_equal(mesh.points, file["VTKHDF/Points"][()].astype(mesh.points.dtype))
-    for name in ("displacement_mm", "pressure_kpa"):
+    for name in ("displacement_mm", "mean_stress_kpa"):
         np.testing.assert_array_equal(mesh.point_data[name], file[f"VTKHDF/PointData/{name}"][()])
     for name in ("tissue", "von_mises_kpa", "principal_stretches", "volume_ratio"):
         np.testing.assert_array_equal(mesh.cell_data[name], file[f"VTKHDF/CellData/{name}"][()])

@@ -68,14 +68,51 @@ impl Places {
         self.line_starts.partition_point(|start| *start <= position)
     }
 
-    /// Line (from 1) of a key, or of the nearest table around it; `None` when it is not written.
-    pub fn line_of(&self, path: &str) -> Option<usize> {
+    /// Where a key is written, or else the nearest table around it; `None` when neither is.
+    pub fn span_of(&self, path: &str) -> Option<Range<usize>> {
         let mut path = path;
         loop {
             if let Some(place) = self.keys.get(path) {
-                return Some(self.line_at(place.key.start));
+                return Some(place.key.clone());
             }
             path = &path[..path.rfind(['.', '['])?];
+        }
+    }
+
+    /// The line of a piece of the text, with its number, and marks under the piece.
+    pub fn excerpt(&self, text: &str, span: Range<usize>) -> String {
+        let line = self.line_at(span.start);
+        let begin = self.line_starts[line - 1];
+        let words = text[begin..].lines().next().unwrap_or_default();
+        // Columns count characters; a tab stays one, so that marks stay under it.
+        let inside = |at: usize| at.clamp(begin, begin + words.len()) - begin;
+        let (from, to) = (inside(span.start), inside(span.end));
+        let pad: String =
+            words[..from].chars().map(|c| if c == '\t' { '\t' } else { ' ' }).collect();
+        let marks = "^".repeat(words[from..to].chars().count().max(1));
+        let number = line.to_string();
+        let margin = " ".repeat(number.len());
+        format!("{margin} |\n{number} | {words}\n{margin} | {pad}{marks}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_excerpt_marks_the_key_on_its_line() {
+        let text = "schema = 1\n[model.skin]\n\tyoung_kpa = -3.0 # µ\n";
+        let places = Places::of(text);
+        let span = places.span_of("model.skin.young_kpa").unwrap();
+        let want = "  |\n3 | \tyoung_kpa = -3.0 # µ\n  | \t^^^^^^^^^";
+        assert_eq!(places.excerpt(text, span), want);
+        // What is not written is the business of the table around it.
+        let span = places.span_of("model.skin.thickness_mm").unwrap();
+        assert!(places.excerpt(text, span).ends_with("2 | [model.skin]\n  |        ^^^^"));
+        // Positions at and beyond the end of a text.
+        for at in [text.len(), text.len() - 1] {
+            assert!(places.excerpt(text, at..at).contains('^'));
         }
     }
 }

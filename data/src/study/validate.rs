@@ -4,11 +4,12 @@ use super::{
     ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, MammogramPlan, ModelPlan,
     PaddleName, Pose, RegionPlan, Study, Use, View, locate::Places, wording,
 };
+use std::ops::Range;
 
 /// Ligaments that the model knows.
 pub const LIGAMENTS: [&str; 4] = ["inframammary", "deep_medial", "cranial", "lateral"];
 /// Effects that `model.effects` may name.
-pub const EFFECTS: [&str; 11] = [
+pub const EFFECTS: [&str; 15] = [
     "limit_chain",
     "fascia_limit",
     "cranial_ligament",
@@ -16,9 +17,13 @@ pub const EFFECTS: [&str; 11] = [
     "inframammary_slack",
     "skin_region",
     "skin_thickness",
+    "skin_prestress",
     "gland_inclusion",
     "compressible",
+    "friction",
+    "bond_region",
     "left_right",
+    "gravity_dir",
     "density",
 ];
 /// Study keys that `calibrate.parameters` may name.
@@ -26,15 +31,34 @@ pub const CALIBRATED: [&str; 2] = ["breast.young_right_kpa", "breast.young_left_
 
 /// Why a study is refused; the text names the key and says how to mend it.
 #[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct StudyError(pub String);
+#[error("{text}")]
+pub struct StudyError {
+    /// `line 12: model.skin.young_kpa: WHY`.
+    pub text: String,
+    /// The line of the study with a mark under the key; empty when no line is to blame.
+    pub excerpt: String,
+}
 
 impl StudyError {
-    /// `line 12: model.skin.young_kpa: WHY`.
-    pub(super) fn new(path: &str, line: Option<usize>, why: &str) -> Self {
+    /// What is wrong with the key at `path`, of a study that reads `text`.
+    pub fn at_key(text: &str, path: &str, why: &str) -> Self {
+        let places = Places::of(text);
+        Self::new(path, places.span_of(path), why, &places, text)
+    }
+
+    /// What is wrong with a piece of the text.
+    pub(super) fn new(
+        path: &str,
+        span: Option<Range<usize>>,
+        why: &str,
+        places: &Places,
+        text: &str,
+    ) -> Self {
+        let line = span.as_ref().map(|span| places.line_at(span.start));
         let line = line.map(|line| format!("line {line}: ")).unwrap_or_default();
         let path = if path.is_empty() { String::new() } else { format!("{path}: ") };
-        Self(format!("{line}{path}{why}"))
+        let excerpt = span.map(|span| places.excerpt(text, span)).unwrap_or_default();
+        Self { text: format!("{line}{path}{why}"), excerpt }
     }
 }
 
@@ -43,9 +67,7 @@ impl StudyError {
 /// Image paths may point anywhere that can be read; names become parts of file names and may not.
 pub fn parse(text: &str) -> Result<Study, StudyError> {
     let study: Study = toml::from_str(text).map_err(|error| wording::refused(&error, text))?;
-    check(&study).map_err(|Refusal { path, why }| {
-        StudyError::new(&path, Places::of(text).line_of(&path), &why)
-    })?;
+    check(&study).map_err(|Refusal { path, why }| StudyError::at_key(text, &path, &why))?;
     Ok(study)
 }
 

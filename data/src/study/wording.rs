@@ -35,11 +35,10 @@ const UNITS: [&str; 26] = [
 /// Path, line and remedy for an error of the TOML reader.
 pub(super) fn refused(error: &toml::de::Error, text: &str) -> StudyError {
     let places = Places::of(text);
-    let at = error.span().map(|span| span.start);
-    let path = at.map_or("", |at| places.path_at(at)).to_owned();
+    let span = error.span();
+    let path = span.as_ref().map_or("", |span| places.path_at(span.start)).to_owned();
     let message = error.message().split_whitespace().collect::<Vec<_>>().join(" ");
-    let line = at.map(|at| places.line_at(at));
-    StudyError::new(&path, line, &reword(&message))
+    StudyError::new(&path, span, &reword(&message), &places, text)
 }
 
 fn reword(message: &str) -> String {

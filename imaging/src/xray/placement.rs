@@ -13,7 +13,7 @@ const CONTACT: f64 = 0.15;
 const TISSUE: f64 = 0.5;
 
 /// Place of one microcalcification in the matrix.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Site {
     /// Row, away from the chest wall.
     pub row: usize,

@@ -30,7 +30,7 @@ pub enum QualityError {
 ///
 /// The thesis' σ (eq. 5.3) counts a slope of the background as noise; `detrended` values have
 /// the plane that fits the background best taken away, and σ is what is left.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct RoiQuality {
     /// Place in the matrix and in the breast.
     pub site: Site,
@@ -51,7 +51,7 @@ pub struct RoiQuality {
 }
 
 /// Signal and contrast over noise.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct NoiseQuality {
     /// SD of the background (eq. 5.3).
     pub sigma: f64,

@@ -56,8 +56,13 @@ pub fn mann_whitney(a: &[f64], b: &[f64]) -> Option<Test> {
     let u = ranks - 0.5 * na * (na + 1.0);
     let variance = na * nb / 12.0 * (n + 1.0 - ties / (n * (n - 1.0)));
     let away = ((u - 0.5 * na * nb).abs() - 0.5).max(0.0);
-    let p = complementary_error((away / variance.sqrt()) / 2f64.sqrt());
+    let p = two_sided(away / variance.sqrt());
     (variance > 0.0).then_some(Test { statistic: u, p: p.min(1.0) })
+}
+
+/// Chance that a standard normal number is farther from zero than `z`.
+pub fn two_sided(z: f64) -> f64 {
+    complementary_error(z.abs() / 2f64.sqrt())
 }
 
 /// erfc(x), x >= 0: series below 2, continued fraction above.

@@ -16,20 +16,7 @@ pub fn check(arguments: &ReadArguments) -> Result<(), Failure> {
     } else {
         println!("{}", as_table(&found));
     }
-    refuse_wrong(&found)
-}
-
-/// Fails with the first finding that no run can be sound with.
-pub fn refuse_wrong(found: &[Finding]) -> Result<(), Failure> {
-    let wrong: Vec<_> = found.iter().filter(|f| f.weight == Weight::Wrong).collect();
-    match wrong.first() {
-        None => Ok(()),
-        Some(first) => {
-            let more = wrong.len() - 1;
-            let more = if more > 0 { format!(" (and {more} more)") } else { String::new() };
-            Err(Failure::BadInput(format!("{}: {}{more}", first.key, first.text)))
-        }
-    }
+    opened.refuse_wrong(&found)
 }
 
 fn as_table(found: &[Finding]) -> String {

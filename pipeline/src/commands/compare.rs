@@ -1,6 +1,6 @@
 //! `mammotwin study paddles` and `mammotwin study positions`: one breast, compressed in several ways.
 
-use super::{Opened, check::refuse_wrong, open};
+use super::{Opened, open};
 use crate::{
     cli::{PaddlesArguments, PositionsArguments, StudyArguments},
     comparison::{Found, ThesisStudy, Way, comparisons, curves, page, summary},
@@ -89,9 +89,9 @@ fn go(
     name: &str,
     plans: &[(String, CompressPlan)],
 ) -> Result<(), Failure> {
-    refuse_wrong(&findings(&opened.study, &opened.base))?;
+    opened.refuse_wrong(&findings(&opened.study, &opened.base))?;
     let display = Display::new();
-    let Opened { study: read, base, store } = opened;
+    let Opened { study: read, base, store, .. } = opened;
     let options = Options::default();
     let drive = Drive { store, base, options: &options, listener: &display };
     let pass = store::execute(&drive, |run| graph::squeezes(read, plans, run))?;

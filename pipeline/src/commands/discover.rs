@@ -1,18 +1,21 @@
 //! `mammotwin discover`: find the disagreement, name the missing effect, add it, show the gap.
 
-use super::{Opened, check::refuse_wrong, open, run};
+use super::{Opened, open, run};
 use crate::{
     cli::{DiscoverArguments, StudyArguments},
     display::Display,
-    graph,
+    graph::{self, Outcome},
     plausible::findings,
 };
 use mammotwin_data::{
     Failure,
-    store::{self, Drive, Options},
+    store::{self, Drive, Options, Stage},
     study::Use,
 };
-use mammotwin_stages::discover::{Discovery, Verdict, VerdictName};
+use mammotwin_stages::{
+    discover::{Discover, Discovery, Gather, Verdict, VerdictName},
+    report::discovery,
+};
 use serde_json::json;
 use std::{
     collections::BTreeMap,
@@ -24,27 +27,37 @@ use std::{
 pub fn discover(arguments: &DiscoverArguments) -> Result<(), Failure> {
     let opened = open(&arguments.study)?;
     let held_out = held_out(&opened, arguments.held_out.as_deref())?;
-    refuse_wrong(&findings(&opened.study, &opened.base))?;
+    opened.refuse_wrong(&findings(&opened.study, &opened.base))?;
     let display = Display::new();
     let options = Options { until: vec!["discover".into()], ..Options::default() };
-    let Opened { study, base, store } = &opened;
+    let Opened { study, base, store, .. } = &opened;
     let drive = Drive { store, base, options: &options, listener: &display };
     let pass = store::execute(&drive, |run| graph::discover(study, &held_out, run))?;
     drop(display);
-    let found = pass.outcome.load()?;
+    let found = pass.outcome.discovery.load()?;
     let added = match addition(&found.verdict) {
         Some((effect, amplitude)) => Some(add(arguments, &opened, &effect, amplitude)?),
         None => None,
     };
-    answer(arguments, &held_out, &found, added.as_ref())
+    let methods = [Gather::METHODS, Discover::METHODS];
+    let subject = &opened.study.subject.id;
+    let shown = added.as_ref().map(|added| &added.with_and_without);
+    let text = discovery::render(subject, &held_out, &found, shown, &methods)?;
+    let page = opened.store.out.join("discovery.html");
+    fs::write(&page, text).map_err(|cause| Failure::io(&page, cause))?;
+    answer(arguments, &held_out, &found, added.as_ref())?;
+    if !arguments.json {
+        println!("\n{}", page.display());
+    }
+    Ok(())
 }
 
-/// The study with the effect, and distances (mm) of its poses without and with it.
+/// The study with the effect, and what it changes.
 struct Added {
     study: PathBuf,
     effect: String,
     amplitude: f64,
-    modified_hausdorff_mm: BTreeMap<String, [f64; 2]>,
+    with_and_without: discovery::Added,
 }
 
 /// The pose that decides.
@@ -101,17 +114,23 @@ fn add(
     let out = opened.store.out.join(format!("with_{effect}"));
     share_cache(&opened.store.out.join("cache"), &out.join("cache"))?;
     let with = open(&StudyArguments { study: study.clone(), out: Some(out) })?;
-    let options =
-        Options { until: vec!["validate".into(), "calibrate".into()], ..Options::default() };
-    let [before, after] = [opened, &with].map(|opened| distances(opened, &options));
-    let (before, after) = (before?, after?);
-    let pairs = before.iter().filter_map(|(pose, b)| Some((pose.clone(), [*b, *after.get(pose)?])));
-    Ok(Added { study, effect: effect.into(), amplitude, modified_hausdorff_mm: pairs.collect() })
+    let until = ["validate", "calibrate", "compress"].map(String::from).to_vec();
+    let options = Options { until, ..Options::default() };
+    let [before, after] = [opened, &with].map(|opened| run::execute(opened, &options));
+    let (before, after) = (before?.outcome, after?.outcome);
+    let (far, near) = (distances(&before)?, distances(&after)?);
+    let pairs = far.iter().filter_map(|(pose, b)| Some((pose.clone(), [*b, *near.get(pose)?])));
+    let modified_hausdorff_mm = pairs.collect();
+    let force = match (force(&before)?, force(&after)?) {
+        (Some(before), Some(after)) => Some([before, after]),
+        _ => None,
+    };
+    let with_and_without = discovery::Added { modified_hausdorff_mm, force };
+    Ok(Added { study, effect: effect.into(), amplitude, with_and_without })
 }
 
 /// Modified Hausdorff distance (mm) of every pose after the fit.
-fn distances(opened: &Opened, options: &Options) -> Result<BTreeMap<String, f64>, Failure> {
-    let outcome = run::execute(opened, options)?.outcome;
+fn distances(outcome: &Outcome) -> Result<BTreeMap<String, f64>, Failure> {
     let mut all = BTreeMap::new();
     for pose in outcome.calibration.load()?.after.poses {
         all.insert(pose.pose, pose.distances.modified_hausdorff);
@@ -120,6 +139,13 @@ fn distances(opened: &Opened, options: &Options) -> Result<BTreeMap<String, f64>
         all.insert(name.clone(), validation.load()?.after.distances.modified_hausdorff);
     }
     Ok(all)
+}
+
+/// Thickness (mm) and force (N) on the way of the compression, if there is one.
+fn force(outcome: &Outcome) -> Result<Option<Vec<(f64, f64)>>, Failure> {
+    let Some(squeezed) = &outcome.squeezed else { return Ok(None) };
+    let course = squeezed.compression.load()?.curve;
+    Ok(Some(course.thickness_mm.into_iter().zip(course.force_n).collect()))
 }
 
 /// Results that do not depend on the effect are shared: links to the same files.
@@ -175,7 +201,7 @@ fn answer(
                     "study": a.study,
                     "effect": a.effect,
                     "amplitude": a.amplitude,
-                    "modified_hausdorff_mm": a.modified_hausdorff_mm,
+                    "modified_hausdorff_mm": a.with_and_without.modified_hausdorff_mm,
                 })),
             })
         );
@@ -187,8 +213,11 @@ fn answer(
     println!("{kind}{name}\n{}\n", verdict.reason);
     println!("score of each effect (by chance up to {:.1})", found.screening.limit);
     for score in found.screening.ranked() {
-        let note = if score.testable { "" } else { "  not testable with these data" };
-        println!("  {:20} {:6.2}   amplitude {:9.3}{note}", score.effect, score.z, score.amplitude);
+        let note = match score.amplitude {
+            Some(amplitude) => format!("amplitude {amplitude:9.3}"),
+            None => "not testable with these data".into(),
+        };
+        println!("  {:20} {:6.2}   {note}", score.effect, score.z);
     }
     println!("\npose            rms before   after   floor (mm, without rigid motion)");
     for gap in &found.gaps {
@@ -201,7 +230,7 @@ fn answer(
         println!(
             "pose            modified Hausdorff distance (mm) without and with it, moduli refitted"
         );
-        for (pose, [before, after]) in &added.modified_hausdorff_mm {
+        for (pose, [before, after]) in &added.with_and_without.modified_hausdorff_mm {
             println!("  {pose:12} {before:10.2} {after:8.2}");
         }
     }

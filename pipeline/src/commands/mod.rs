@@ -1,5 +1,7 @@
 //! One function for each command.
 
+pub mod benchmark;
+pub mod bids;
 pub mod check;
 pub mod compare;
 pub mod discover;
@@ -8,16 +10,21 @@ pub mod effects;
 pub mod explain;
 pub mod inspect;
 pub mod keep;
+pub mod manual;
 pub mod run;
 pub mod score;
 pub mod status;
 pub mod synth;
 
-use crate::cli::{Arguments, Command, StudyArguments, StudyCommand};
+use crate::{
+    cli::{Arguments, Command, StudyArguments, StudyCommand},
+    display,
+    plausible::{Finding, Weight},
+};
 use mammotwin_data::{
     Failure,
     store::Store,
-    study::{self, Study},
+    study::{self, Study, StudyError},
 };
 use std::{
     fs,
@@ -29,6 +36,9 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(threads) = arguments.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.max(1));
         pool.build_global().map_err(|cause| Failure::Usage(format!("--threads: {cause}")))?;
+    }
+    if arguments.quiet {
+        display::be_quiet();
     }
     match &arguments.command {
         Command::Demo(arguments) => synth::demo(arguments),
@@ -45,8 +55,12 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Gc(arguments) => keep::gc(arguments),
         Command::Inspect(arguments) => inspect::inspect(arguments),
         Command::Study(StudyCommand::Dose(arguments)) => dose::dose(arguments),
+        Command::Study(StudyCommand::Discovery(arguments)) => benchmark::benchmark(arguments),
         Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),
         Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),
+        Command::Bids(arguments) => bids::bids(arguments),
+        Command::Completions(arguments) => manual::completions(arguments),
+        Command::Man(arguments) => manual::pages(arguments),
     }
 }
 
@@ -55,10 +69,28 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
 pub struct Opened {
     /// The study.
     pub study: Study,
+    /// Its file.
+    pub file: PathBuf,
+    /// What is written in it.
+    pub text: String,
     /// Its folder.
     pub base: PathBuf,
     /// Its results.
     pub store: Store,
+}
+
+impl Opened {
+    /// Fails with the first finding that no run can be sound with, at its line of the study.
+    pub fn refuse_wrong(&self, found: &[Finding]) -> Result<(), Failure> {
+        let wrong: Vec<_> = found.iter().filter(|f| f.weight == Weight::Wrong).collect();
+        let Some(first) = wrong.first() else { return Ok(()) };
+        let more = match wrong.len() - 1 {
+            0 => String::new(),
+            more => format!(" (and {more} more)"),
+        };
+        let error = StudyError::at_key(&self.text, &first.key, &format!("{}{more}", first.text));
+        Err(Failure::Study { path: self.file.clone(), error })
+    }
 }
 
 /// Reads a study file and finds its store; writes nothing.
@@ -73,12 +105,12 @@ pub fn open(arguments: &StudyArguments) -> Result<Opened, Failure> {
         }
         _ => Failure::io(path, cause),
     })?;
-    let study = study::parse(&text)
-        .map_err(|error| Failure::BadInput(format!("{}: {error}", path.display())))?;
+    let study =
+        study::parse(&text).map_err(|error| Failure::Study { path: path.clone(), error })?;
     let base = match path.parent() {
         Some(parent) if parent != Path::new("") => parent.to_owned(),
         _ => PathBuf::from("."),
     };
     let out = arguments.out.clone().unwrap_or_else(|| base.join("out"));
-    Ok(Opened { study, base, store: Store::open(&out) })
+    Ok(Opened { study, file: path.clone(), text, base, store: Store::open(&out) })
 }

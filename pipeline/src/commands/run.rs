@@ -1,9 +1,9 @@
 //! `mammotwin run`: computes a study.
 
-use super::{Opened, check::refuse_wrong, open};
+use super::{Opened, open};
 use crate::{
     cli::{RunArguments, StudyArguments},
-    display::Display,
+    display::{Display, say},
     graph,
     plausible::findings,
 };
@@ -38,7 +38,7 @@ pub fn report(arguments: &StudyArguments) -> Result<(), Failure> {
 /// Prints what was computed, and the files that a person looks at.
 pub fn summarize(opened: &Opened, entries: &[Entry]) -> Result<(), Failure> {
     let computed = entries.iter().filter(|entry| entry.computed).count();
-    println!("{computed} of {} stages computed", entries.len());
+    say(&format!("{computed} of {} stages computed", entries.len()));
     let out = &opened.store.out;
     let hidden = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -48,7 +48,7 @@ pub fn summarize(opened: &Opened, entries: &[Entry]) -> Result<(), Failure> {
     let mut files: Vec<_> = files.flatten().map(|entry| entry.path()).collect();
     files.retain(|path| !hidden(path));
     files.sort();
-    files.iter().for_each(|path| println!("{}", path.display()));
+    files.iter().for_each(|path| say(&path.display().to_string()));
     Ok(())
 }
 
@@ -57,17 +57,17 @@ pub fn summarize(opened: &Opened, entries: &[Entry]) -> Result<(), Failure> {
 pub fn execute(opened: &Opened, options: &Options) -> Result<Pass<graph::Outcome>, Failure> {
     let fresh = |pass: &Pass<_>| pass.entries.iter().all(|entry| entry.state == State::Fresh);
     if !plan(opened, options).is_ok_and(|pass| fresh(&pass)) {
-        refuse_wrong(&findings(&opened.study, &opened.base))?;
+        opened.refuse_wrong(&findings(&opened.study, &opened.base))?;
     }
     let display = Display::new();
-    let Opened { study, base, store } = opened;
+    let Opened { study, base, store, .. } = opened;
     let drive = Drive { store, base, options, listener: &display };
     store::execute(&drive, |run| graph::run(study, run))
 }
 
 /// Looks what is there; writes nothing.
 pub fn plan(opened: &Opened, options: &Options) -> Result<Pass<graph::Outcome>, Failure> {
-    let Opened { study, base, store } = opened;
+    let Opened { study, base, store, .. } = opened;
     let drive = Drive { store, base, options, listener: &Silent };
     store::plan(&drive, |run| graph::run(study, run))
 }

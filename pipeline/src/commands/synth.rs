@@ -3,7 +3,7 @@
 use super::{open, run};
 use crate::{
     cli::{DemoArguments, StudyArguments, SynthArguments},
-    display::Task,
+    display::{Task, say},
 };
 use mammotwin_data::{Failure, store::Options};
 use mammotwin_stages::{
@@ -16,8 +16,8 @@ use std::{collections::BTreeMap, fs, path::Path};
 pub fn synth(arguments: &SynthArguments) -> Result<(), Failure> {
     let settings = settings(arguments)?;
     let written = volunteer::synthesize(&settings, &Task::new("synth"))?;
-    println!("study: {}", written.study.display());
-    println!("truth: {}", written.truth.display());
+    say(&format!("study: {}", written.study.display()));
+    say(&format!("truth: {}", written.truth.display()));
     Ok(())
 }
 
@@ -27,7 +27,7 @@ pub fn demo(arguments: &DemoArguments) -> Result<(), Failure> {
     let study = arguments.out.join("study.toml");
     // Written last: with this note all files of the volunteer are there.
     let note = arguments.out.join("volunteer.txt");
-    let Settings { preset, seed, voxel_mm, poses, hidden: _, out_dir: _ } = &settings;
+    let Settings { preset, seed, voxel_mm, poses, hidden: _, still: _, out_dir: _ } = &settings;
     let version = env!("CARGO_PKG_VERSION");
     let text = format!("mammotwin {version}: {preset} {seed} {voxel_mm:?} {poses:?}\n");
     if !study.exists() || fs::read_to_string(&note).ok().as_ref() != Some(&text) {
@@ -67,7 +67,8 @@ fn settings(arguments: &SynthArguments) -> Result<Settings, Failure> {
     refuse_someone(&arguments.out)?;
     let (preset, seed) = (arguments.preset.clone(), arguments.seed);
     let hidden = hidden(&arguments.hide)?;
-    Ok(Settings { preset, seed, voxel_mm, poses, hidden, out_dir: arguments.out.clone() })
+    let out_dir = arguments.out.clone();
+    Ok(Settings { preset, seed, voxel_mm, poses, hidden, still: false, out_dir })
 }
 
 /// `EFFECT` or `EFFECT=AMPLITUDE`; without a number it is half of the greatest plausible one.

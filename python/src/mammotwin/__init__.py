@@ -10,6 +10,7 @@ the frame of the reference pose unless something else is said. Names end in thei
 
 from .calibration import Calibration, Moduli
 from .compression import Compression
+from .discovery import Candidate, Discovery, Gap, Score, open_discovery
 from .errors import MammotwinError, MissingError, NotResultsError, OptionalPackageError, SchemaError
 from .fields import Field
 from .folder import StageRecord
@@ -26,10 +27,13 @@ __version__ = "0.1.0"
 __all__ = [
     "SCHEMA_VERSION",
     "Calibration",
+    "Candidate",
     "Checks",
     "Compression",
     "Distances",
+    "Discovery",
     "Field",
+    "Gap",
     "MammotwinError",
     "Mesh",
     "Metric",
@@ -46,6 +50,7 @@ __all__ = [
     "Results",
     "RigidTransform",
     "SchemaError",
+    "Score",
     "Site",
     "StageRecord",
     "State",
@@ -53,4 +58,5 @@ __all__ = [
     "Technique",
     "Tissue",
     "open",
+    "open_discovery",
 ]

@@ -35,6 +35,8 @@ class Calibration:
     #: Reference pose, loaded again from it: distance of the nodes.
     round_trip_rms_mm: float
     round_trip_max_mm: float
+    #: Way of sliding nodes onto the chest wall before unloading: the farthest.
+    off_wall_max_mm: float
 
     @property
     def best_trial(self) -> int:

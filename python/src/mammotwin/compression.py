@@ -26,9 +26,10 @@ class Compression:
         self.state = state
         #: Forces, contact area and pressures over `thickness_mm`, the distance of the plates.
         self.curve = curve
+        self._group = results.compression_group
         plan = results.parameters["compress"]
         #: `right`, `left`
-        self.side: str = plan["side"]
+        self.side: str = self._group.text("side")
         #: `cc`, ...
         self.view: str = plan["view"]
         #: `rigid`, ...
@@ -65,14 +66,43 @@ class Compression:
         There x runs along the chest-wall edge of the plates from the nipple, y from that edge away from the chest
         wall, z from the receptor to the paddle (mm).
         """
-        with self._results.folder.open("compress") as file:
-            return RigidTransform.from_stage(file.json("to_detector"))
+        return RigidTransform.from_group(self._group.group("to_detector"))
 
     @cached_property
     def stopped_early(self) -> str | None:
         """Why it ended before its stop rule; `None` when the rule was met."""
-        with self._results.folder.open("compress") as file:
-            return file.json("stopped_early")
+        return self._group.text("stopped_early") or None
+
+    @property
+    def nipple_node(self) -> int:
+        """Node of `state.mesh` that is the nipple."""
+        return int(self._group.number("nipple_node"))
+
+    @property
+    def nipple_mm(self) -> np.ndarray:
+        """Place of the nipple in the frame of the detector."""
+        return self._group.array("nipple_mm")
+
+    @cached_property
+    def steps(self) -> xarray.Dataset:
+        """All load steps over `thickness_mm`, in the frame of the reference pose, in single precision.
+
+        `points` of the nodes (mm), `contact_pressure_kpa` at the nodes, `von_mises_kpa` in the tetrahedra; `plates_mm`
+        are the heights of the plates at their chest-wall edge, z of the detector at the end.
+        """
+        group = self._group.group("steps")
+        over = {
+            "points": ("thickness_mm", "node", "xyz"),
+            "contact_pressure_kpa": ("thickness_mm", "node"),
+            "von_mises_kpa": ("thickness_mm", "tet"),
+            "plates_mm": ("thickness_mm", "plate"),
+        }
+        fields = {name: (group.field(name), dimensions) for name, dimensions in over.items()}
+        variables = {
+            name: (dimensions, field.values, {"units": field.units, "long_name": field.long_name})
+            for name, (field, dimensions) in fields.items()
+        }
+        return xarray.Dataset(variables, {"thickness_mm": self.curve["thickness_mm"], "xyz": ["x", "y", "z"], "plate": ["receptor", "paddle"]})
 
     def pressure_percentile_kpa(self, percent: float) -> float:
         """Contact pressure that `percent` of the plates' touched faces, by area, does not exceed; without fronts."""

@@ -60,12 +60,12 @@ class Metrics(Mapping[str, Metric]):
 
 
 def read_metrics(group: Group) -> Metrics:
-    """Reads `/metrics`. A pure number, whose unit is empty there, gets the unit `1`."""
+    """Reads `/metrics`."""
     columns = [group.texts(name) for name in ("name", "unit", "long_name", "source")]
     values, thesis = group.array("value"), group.array("thesis")
     return Metrics(
         [
-            Metric(name, float(value), unit or "1", long, source, None if math.isnan(other) else float(other))
+            Metric(name, float(value), unit, long, source, None if math.isnan(other) else float(other))
             for name, unit, long, source, value, other in zip(*columns, values, thesis, strict=True)
         ]
     )

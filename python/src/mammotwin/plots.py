@@ -6,6 +6,7 @@ import numpy as np
 
 from .calibration import Calibration
 from .compression import Compression
+from .discovery import Discovery, Gap
 from .errors import need
 from .mesh import Surface
 from .poses import PoseFit
@@ -78,6 +79,34 @@ def distance_map(fit: PoseFit, ax=None, limit_mm: float | None = None):
     ax.set(xlabel="x, to her right (mm)", ylabel="z, to the head (mm)")
     ax.set_title(f"{fit.pose}: modified Hausdorff {fit.distances.modified_hausdorff_mm:.2f} mm", fontsize="medium")
     ax.invert_xaxis()
+    return ax
+
+
+def gap_map(gap: Gap, when: str, ax=None, limit_mm: float | None = None):
+    """Signed distance of a simulated skin to the measured one `before` or `after` an effect was added, from the front."""
+    ax = _axes(ax)
+    if when not in ("before", "after"):
+        raise ValueError(f"when is {when!r}; give 'before' or 'after'")
+    skin = gap.before if when == "before" else gap.after
+    rms = gap.rms_before_mm if when == "before" else gap.rms_after_mm
+    limit = limit_mm or float(np.abs(np.concatenate([gap.before_mm, gap.after_mm])).max())
+    values = skin.point_fields["signed_distance_mm"].values[skin.triangles].mean(axis=1)
+    _draw(ax, skin, values, np.array([0.0, 1.0, 0.0]), (0, 2), "RdBu_r", (-limit, limit), "signed distance (mm)")
+    ax.set(xlabel="x, to her right (mm)", ylabel="z, to the head (mm)")
+    ax.set_title(f"{gap.pose}, {when}: {rms:.2f} mm rms (floor {gap.floor_mm:.2f})", fontsize="medium")
+    ax.invert_xaxis()
+    return ax
+
+
+def scores(found: Discovery, ax=None):
+    """Scores of all effects, and the line that chance passes in 1 % of data without any."""
+    ax = _axes(ax)
+    ranked = found.scores[::-1]
+    colours = [BLUE if score.z > found.limit else GREY for score in ranked]
+    ax.barh([score.effect for score in ranked], [score.z for score in ranked], color=colours)
+    ax.axvline(found.limit, color=ORANGE, label=f"by chance once in a hundred: {found.limit:.1f}")
+    ax.set(xlabel="score (standard deviations)", title=found.verdict.replace("_", " "))
+    ax.legend(loc="lower right")
     return ax
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from .errors import MissingError, need
 from .fields import Field
 from .group import Group
-from .mesh import Surface
+from .mesh import Mesh, Surface
 from .states import State
 from .transform import RigidTransform
 
@@ -29,9 +29,11 @@ class Registration:
     from_landmarks: RigidTransform
     landmarks: int
     landmark_rms_mm: float | None
-    #: Normalised cross-correlation over the chest wall, before and after.
+    #: Mean local correlation over the chest wall, before and after.
     similarity_before: float
     similarity_after: float
+    #: How far the chest wall changed its shape beyond the rigid motion, rms; `None` when it was taken for rigid.
+    change_rms_mm: float | None
     #: Standard deviations about the axes x, y, z.
     sd_rotation_deg: np.ndarray
     sd_translation_mm: np.ndarray
@@ -74,17 +76,15 @@ class PoseFit:
         return Surface(self.skin.points, self.skin.triangles, {mapped.name: mapped}, self.skin.nodes)
 
 
-def read_fit(pose: str, group: Group, state: State) -> PoseFit:
-    """Reads a simulated pose of the stages `calibrate` and `validate`; `state` has the same mesh."""
-    values = group.json("distances")
-    points = group.array("solution/points")
-    skin = state.rest.surface("skin")
+def read_fit(pose: str, group: Group, gravity: np.ndarray, rest: Mesh, points: np.ndarray) -> PoseFit:
+    """Reads how far a simulated pose is from the measured one; `points` are its nodes, `rest` has the same mesh."""
+    skin = rest.surface("skin")
     return PoseFit(
         pose,
-        group.array("active"),
-        group.array("signed_distance"),
-        Distances(**{f"{name}_mm": value for name, value in values.items()}),
-        group.array("gravity")[0],
+        group.array("nodes"),
+        group.array("signed_distance_mm"),
+        Distances(**{name: group.number(name) for name in Distances.__dataclass_fields__}),
+        gravity,
         Surface(points[skin.nodes], skin.triangles, {}, skin.nodes),
     )
 
@@ -110,24 +110,34 @@ class Pose:
     @property
     def state(self) -> State:
         """The simulated equilibrium, in the frame of the reference pose."""
-        return self._results.states[self.name]
+        return self._results.pose_state(self.name)
+
+    @property
+    def _group(self) -> Group:
+        return self._results.pose_group(self.name)
+
+    @cached_property
+    def gravity(self) -> np.ndarray:
+        """Direction of gravity in the frame of the reference pose, a unit vector."""
+        return self._group.array("gravity")
 
     @cached_property
     def registration(self) -> Registration:
         """How the pose was registered; the reference pose has none."""
         if self.is_reference:
             raise MissingError(f"{self.name} is the reference pose, others are registered to it", "register")
-        value = self._results.folder.json("register", self.name)
-        image, start = value["image"], value["start"]
+        found = self._group.group("registration")
+        optional = lambda name: found.number(name) if name in found else None  # noqa: E731
         return Registration(
-            RigidTransform.from_stage(value["transform"]),
-            RigidTransform.from_stage(start["transform"]),
-            start["landmarks"],
-            start["landmark_rms_mm"],
-            image["similarity_before"],
-            image["similarity_after"],
-            np.degrees(image["uncertainty"]["rotation_rad"]),
-            np.array(image["uncertainty"]["translation_mm"]),
+            RigidTransform.from_group(self._group.group("to_reference")),
+            RigidTransform.from_group(found.group("from_landmarks")),
+            int(found.number("landmarks")),
+            optional("landmark_rms_mm"),
+            found.number("similarity_before"),
+            found.number("similarity_after"),
+            optional("change_rms_mm"),
+            found.array("sd_rotation_deg"),
+            found.array("sd_translation_mm"),
         )
 
     @property
@@ -168,12 +178,9 @@ class Pose:
         if self.is_reference:
             text = f"{self.name} is the reference pose: its shape is given, nothing is compared"
             raise MissingError(text, "calibrate", "see results.calibration.round_trip_rms_mm")
-        folder = self._results.folder
-        if self.use == "validate":
-            with folder.open("validate", self.name) as file:
-                return read_fit(self.name, file.group(when), self.state)
-        with folder.open("calibrate") as file:
-            return read_fit(self.name, file.group(f"{when}/{self.name}"), self.state)
+        rest = self.state.rest
+        points = self._group.array("solution/points" if when == "after" else "before/points")
+        return read_fit(self.name, self._group.group(when), self.gravity, rest, points)
 
     def __repr__(self) -> str:
         word = "reference" if self.is_reference else self.use

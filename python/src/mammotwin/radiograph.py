@@ -12,7 +12,7 @@ import xarray
 from .errors import MissingError
 from .group import Group
 from .mesh import Surface
-from .regions import Region, measure, sites
+from .regions import Region, measure, read_regions, sites
 
 if TYPE_CHECKING:
     from .results import Results
@@ -73,18 +73,22 @@ class Radiograph:
     @property
     def technique(self) -> Technique:
         """Exposure of this picture."""
-        techniques = self._results.techniques
-        for technique in techniques:
-            if f"calcifications_{1000.0 * technique.diameter_mm:.0f}um" == self.name:
-                return technique
-        raise MissingError(f"no exposure of {self.name}", "mammogram")
+        return Technique(*(self._group.number(name) for name in Technique.__dataclass_fields__))
 
     @cached_property
     def regions(self) -> list[Region]:
         """The squares around the microcalcifications, with signal, contrast and noise.
 
-        No file holds them: they are found again from the compressed surface by the rule of the stage `phantom`, and
-        measured on the pixels. Their means are the metrics `snr_*`, `sdnr_*` of the results.
+        Their means are the metrics `snr_*`, `sdnr_*` of the results.
+        """
+        if "regions" not in self._group:
+            raise MissingError(f"no regions of interest of {self.name}", "quality")
+        return read_regions(self._group.group("regions"))
+
+    def measured_again(self) -> list[Region]:
+        """The same by a second implementation: sites by the rule of the stage `phantom`, values from the pixels.
+
+        Needs the run folder.
         """
         surface, plan, thickness_mm = self._results.phantom
         return measure(self, sites(surface, thickness_mm, plan["calcifications"]), self.technique.diameter_mm)

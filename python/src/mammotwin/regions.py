@@ -1,6 +1,7 @@
 """Regions of interest around microcalcifications (Mîra 2018, eqs. 5.1-5.5).
 
-A second implementation of what the stages `phantom` and `quality` do, since no file holds the regions.
+`read_regions` reads them; `sites` and `measure` are a second implementation of what the stages `phantom` and `quality`
+do, against which the program is tested.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .group import Group
 from .mesh import Surface
 
 if TYPE_CHECKING:
@@ -51,6 +53,17 @@ class Region:
     sdnr: float
     snr_detrended: float
     sdnr_detrended: float
+
+
+def read_regions(group: Group) -> list[Region]:
+    """Reads `/radiographs/NAME/regions`."""
+    columns = ["calcification", "background", "snr", "sdnr", "snr_detrended", "sdnr_detrended"]
+    values = zip(*(group.array(name).tolist() for name in columns), strict=True)
+    places = zip(group.array("row").tolist(), group.array("column").tolist(), group.array("site_mm"), strict=True)
+    centers = [(x, y) for x, y in group.array("center_mm").tolist()]
+    return [
+        Region(Site(*place), center, *row) for place, center, row in zip(places, centers, values, strict=True)
+    ]
 
 
 def thickness_map(surface: Surface, x_mm: np.ndarray, y_mm: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from .radiograph import Radiograph, Technique, read_phantom
 from .states import State, read_mesh
 
 #: Version of the layout (docs/hdf5.md) that this package reads.
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 COORDINATE_SYSTEM = "RAS mm"
 
 
@@ -144,18 +144,29 @@ class Results:
 
     @cached_property
     def states(self) -> dict[str, State]:
-        """Every state of equilibrium by name: the poses, and `compressed`."""
-        if "states" not in self._root:
-            return {}
-        group = self._root.group("states")
-        return {name: State(name, group.group(name), self._extra(name)) for name in group.names()}
+        """Every state of equilibrium by name: the poses, and `compressed`.
 
-    def _extra(self, name: str) -> dict:
-        # Contact lies at the grid for viewers, which shows the most advanced state.
-        if name != "compressed":
-            return {}
-        places = {field: f"VTKHDF/PointData/{field}" for field in ("contact_pressure_kpa", "contact_area_mm2")}
-        return {field: self._root.field(place) for field, place in places.items() if place in self._root}
+        A pose that is itself called `compressed` is reached by `poses["compressed"].state`.
+        """
+        poses = self._root.group("poses").names() if "poses" in self._root else []
+        states = {name: self.pose_state(name) for name in poses}
+        if "compression" in self._root:
+            group = self.compression_group
+            states["compressed"] = State("compressed", group, group.group("rest"))
+        return states
+
+    def pose_group(self, name: str) -> Group:
+        """`/poses/NAME` of the file."""
+        return self._root.group(f"poses/{name}")
+
+    @property
+    def compression_group(self) -> Group:
+        """`/compression` of the file."""
+        return self._root.group("compression")
+
+    def pose_state(self, name: str) -> State:
+        """The simulated equilibrium of a pose."""
+        return State(name, self.pose_group(name), self._root.group("calibration/rest"))
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -166,22 +177,26 @@ class Results:
     @cached_property
     def calibration(self) -> Calibration:
         """Moduli and stress-free shape."""
-        with self.folder.open("calibrate") as file:
-            moduli = {when: Moduli(**file.json(f"{when}/moduli")) for when in ("before", "after")}
+        group = self._root.group("calibration")
+        moduli = {
+            when: Moduli(group.number(f"{when}/young_right_kpa"), group.number(f"{when}/young_left_kpa"))
+            for when in ("before", "after")
+        }
         return Calibration(
             moduli["before"],
             moduli["after"],
-            list(self.parameters["calibrate"]["parameters"]),
+            group.texts("fitted"),
             self.curve("calibration"),
-            self.states[self.reference_pose].rest,
-            self.metrics["round_trip_rms_mm"].value,
-            self.metrics["round_trip_max_mm"].value,
+            read_mesh(group.group("rest")),
+            group.number("after/round_trip_rms_mm"),
+            group.number("after/round_trip_max_mm"),
+            group.number("after/off_wall_max_mm"),
         )
 
     @cached_property
     def compression(self) -> Compression:
         """The breast between the plates."""
-        if "compressed" not in self.states:
+        if "compression" not in self._root:
             text = "no compression in these results"
             raise MissingError(text, "compress", "ask for one: [compress] in the study, then mammotwin run")
         return Compression(self, self.states["compressed"], self.curve("force_thickness"))
@@ -244,9 +259,8 @@ class Results:
 
     @cached_property
     def techniques(self) -> list[Technique]:
-        """Exposure of each mammogram."""
-        with self.folder.open("mammogram") as file:
-            return [Technique(**value) for value in file.json("techniques")]
+        """Exposure of each mammogram, in the order of their names."""
+        return [picture.technique for picture in self.radiographs.values()]
 
     @cached_property
     def phantom(self) -> tuple[Surface, dict, float]:

@@ -23,6 +23,8 @@ class Checks:
     max_penetration_mm: float
     max_gap_mm: float
     force_imbalance: float
+    moment_imbalance: float
+    friction_lag: float
 
 
 def read_mesh(group: Group) -> Mesh:
@@ -35,23 +37,24 @@ def read_mesh(group: Group) -> Mesh:
 class State:
     """A pose or the compressed breast, in the frame of the reference pose (RAS mm)."""
 
-    def __init__(self, name: str, group: Group, extra: dict[str, Field] | None = None) -> None:
+    def __init__(self, name: str, group: Group, rest: Group) -> None:
         self.name = name
         self.long_name = str(group.h5.attrs.get("long_name", name))
         self._group = group
-        self._extra = extra or {}
+        self._rest = rest
 
     @cached_property
     def rest(self) -> Mesh:
         """The stress-free shape, without fields."""
-        return read_mesh(self._group.group("rest"))
+        return read_mesh(self._rest)
 
     @cached_property
     def mesh(self) -> Mesh:
         """The shape in equilibrium, with all fields.
 
-        At nodes: `displacement_mm` (from the stress-free shape), `pressure_kpa` (mean stress: negative in
-        compression), `contact_pressure_kpa` when compressed (positive). In tetrahedra: `von_mises_kpa`, `volume_ratio`,
+        At nodes: `displacement_mm` (from the stress-free shape), `mean_stress_kpa` (tr σ / 3: negative in
+        compression), `contact_pressure_kpa` (positive) and `contact_area_mm2` when compressed. In tetrahedra:
+        `von_mises_kpa`, `volume_ratio`,
         `principal_stretches`, `deformation_gradient`, `cauchy_kpa`.
         """
         rest, solution = self.rest, self._group.group("solution")
@@ -61,7 +64,9 @@ class State:
         moved = Field(
             "displacement_mm", points - rest.points, "mm", "Displacement from the stress-free shape", "vector"
         )
-        nodal = [moved, solution.field("pressure_kpa"), *self._extra.values()]
+        nodal = [moved, solution.field("mean_stress_kpa")]
+        contact = ("contact_pressure_kpa", "contact_area_mm2")
+        nodal += [self._group.field(field) for field in contact if field in self._group]
         stretches = principal_stretches(gradient.values)
         cells = [
             Field("von_mises_kpa", von_mises(cauchy.values), "kPa", "Von Mises stress"),
@@ -77,7 +82,7 @@ class State:
     def forces_n(self) -> dict[str, np.ndarray]:
         """Total force (N) of each term of the model on the body, RAS."""
         forces = self._group.group("solution/forces")
-        return dict(zip(forces.texts("names"), forces.array("values") / 1000.0, strict=True))
+        return dict(zip(forces.texts("names"), forces.array("force_n"), strict=True))
 
     @cached_property
     def checks(self) -> Checks:

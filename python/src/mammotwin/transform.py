@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .errors import need
+from .group import Group
 
 #: From RAS to LPS, and back: x and y change their signs.
 RAS_TO_LPS = np.diag([-1.0, -1.0, 1.0])
@@ -26,10 +27,14 @@ class RigidTransform:
         return cls(np.eye(3), np.zeros(3))
 
     @classmethod
-    def from_stage(cls, value: dict) -> RigidTransform:
-        """Reads the JSON of a stage, whose `rotation` lists the matrix column by column."""
-        rotation = np.array(value["rotation"], dtype=float).reshape(3, 3).T
-        return cls(rotation, np.array(value["translation"], dtype=float))
+    def from_group(cls, group: Group) -> RigidTransform:
+        """Reads a motion of `results.h5`: `rotation` row by row, `translation_mm`."""
+        return cls(group.array("rotation"), group.array("translation_mm"))
+
+    @classmethod
+    def from_json(cls, value: dict) -> RigidTransform:
+        """Reads the JSON of a stage or of the truth, whose `rotation` lists the rows of the matrix."""
+        return cls(np.array(value["rotation"], dtype=float), np.array(value["translation"], dtype=float))
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Moves points of shape (3,) or (n, 3), mm."""

@@ -8,7 +8,11 @@ use crate::paddles::{Hinge, Lift, Pose};
 use crate::solve::{self, Options, SolveError};
 use crate::terms::Load;
 use crate::terms::plate::Plate;
-use mammotwin_data::{Vec3, progress::Silent, solution::Checks};
+use mammotwin_data::{
+    Vec3,
+    progress::Silent,
+    solution::{Checks, von_mises_kpa},
+};
 use nalgebra::{DMatrix, DVector};
 use std::collections::BTreeMap;
 
@@ -242,6 +246,7 @@ impl Press<'_> {
             let [low, high] = ends.unwrap_or([gap; 2]);
             Some([low.min(gap), high.max(gap)])
         });
+        let stress = state.report(&self.model);
         let angles = |pose: &Pose| self.plates.paddle.lift().map_or([0.0; 2], |l| l.angles(pose));
         let [tilt, roll_rad] = angles(&state.load.pose);
         Step {
@@ -265,6 +270,7 @@ impl Press<'_> {
             pressing,
             pose: state.load.pose,
             points: state.points.clone(),
+            von_mises_kpa: stress.cauchy_kpa.iter().map(von_mises_kpa).collect(),
         }
     }
 }

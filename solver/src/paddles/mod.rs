@@ -23,7 +23,9 @@ pub const COORDINATES: usize = 25;
 
 /// Where a paddle is besides its height: its coordinates, in about the millimetres that they lift
 /// its surface by.
-pub type Pose = [f64; COORDINATES];
+// The number is written out: the compiler stumbles over the named constant in closures (rustc 1.95,
+// "broken MIR", in incremental builds).
+pub type Pose = [f64; 25];
 
 /// A pose at rest.
 pub const AT_REST: Pose = [0.0; COORDINATES];

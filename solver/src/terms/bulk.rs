@@ -155,7 +155,7 @@ impl Term for Bulk {
 
     fn report(&self, at: &At, solution: &mut Solution) {
         let mut weights = vec![0.0; at.points.len()];
-        solution.pressure_kpa = vec![0.0; at.points.len()];
+        solution.mean_stress_kpa = vec![0.0; at.points.len()];
         solution.deformation_gradient = Vec::with_capacity(self.tets.len());
         solution.cauchy_kpa = Vec::with_capacity(self.tets.len());
         for (element, tet) in self.tets.iter().enumerate() {
@@ -170,13 +170,13 @@ impl Term for Bulk {
             let cauchy = stress * f.transpose() / j + Mat3::from_diagonal_element(extra * theta.d1);
             let weight = self.volumes[element];
             for &n in tet {
-                solution.pressure_kpa[n as usize] += weight * cauchy.trace() / 3.0;
+                solution.mean_stress_kpa[n as usize] += weight * cauchy.trace() / 3.0;
                 weights[n as usize] += weight;
             }
             solution.deformation_gradient.push(f);
             solution.cauchy_kpa.push(cauchy);
         }
-        for (pressure, weight) in solution.pressure_kpa.iter_mut().zip(weights) {
+        for (pressure, weight) in solution.mean_stress_kpa.iter_mut().zip(weights) {
             *pressure /= f64::max(weight, f64::MIN_POSITIVE);
         }
     }

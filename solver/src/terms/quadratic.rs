@@ -204,7 +204,7 @@ impl Term for QuadraticBulk {
 
     /// Deformation and stress are those of the first quadrature point with the smallest det F.
     fn report(&self, at: &At, solution: &mut Solution) {
-        solution.pressure_kpa = vec![0.0; at.points.len()];
+        solution.mean_stress_kpa = vec![0.0; at.points.len()];
         let mut weights = vec![0.0; at.points.len()];
         for (element, tet) in self.tets.iter().enumerate() {
             let law = &self.laws[element];
@@ -224,13 +224,13 @@ impl Term for QuadraticBulk {
             }
             let cauchy = mean / volume;
             for &n in tet {
-                solution.pressure_kpa[n as usize] += volume * cauchy.trace() / 3.0;
+                solution.mean_stress_kpa[n as usize] += volume * cauchy.trace() / 3.0;
                 weights[n as usize] += volume;
             }
             solution.deformation_gradient.push(worst);
             solution.cauchy_kpa.push(cauchy);
         }
-        for (pressure, weight) in solution.pressure_kpa.iter_mut().zip(weights) {
+        for (pressure, weight) in solution.mean_stress_kpa.iter_mut().zip(weights) {
             *pressure /= f64::max(weight, f64::MIN_POSITIVE);
         }
     }

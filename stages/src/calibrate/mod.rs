@@ -97,6 +97,7 @@ impl Artifact for Calibration {
 
     fn save(&self, path: &Path) -> Result<(), Failure> {
         let mut file = hdf5::Writer::create(path)?;
+        file.frame(hdf5::Frame::Ras)?;
         file.put_json("trials", &self.trials, "evaluations of the search")?;
         for (group, fit) in [("before", &self.before), ("after", &self.after)] {
             file.put_json(
@@ -113,7 +114,7 @@ impl Artifact for Calibration {
             let names: Vec<String> = fit.poses.iter().map(|p| p.pose.clone()).collect();
             file.put_texts(&format!("{group}/poses"), &names, "poses, the reference first")?;
             for pose in &fit.poses {
-                pose.put(&mut file, &format!("{group}/{}", pose.pose))?;
+                pose.put(&mut file, &format!("{group}/fits/{}", pose.pose))?;
             }
         }
         Ok(file.finish()?)
@@ -124,7 +125,7 @@ impl Artifact for Calibration {
         let fit = |group: &str| -> Result<Fit, Failure> {
             let mut poses = Vec::new();
             for name in file.texts(&format!("{group}/poses"))? {
-                poses.push(PoseFit::get(&file, &format!("{group}/{name}"), &name)?);
+                poses.push(PoseFit::get(&file, &format!("{group}/fits/{name}"), &name)?);
             }
             let moduli = file.json(&format!("{group}/moduli"))?;
             let round_trip = file.json(&format!("{group}/round_trip"))?;
@@ -139,7 +140,7 @@ type Input = (BreastMesh, PoseSurfaces, Vec<Registered>, Vec<PoseSurfaces>);
 
 impl Stage for Calibrate {
     const NAME: &'static str = "calibrate";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const METHODS: &'static str = "The stress-free shape is the shape that gravity deforms into the reference pose; it \
          was found as the inverse motion (Govindjee & Mihalic, Comput. Methods Appl. Mech. Eng. 136 \
          (1996) 47), or by an accelerated fixed point (Sellier, Comput. Mech. 48 (2011) 503) where the \

@@ -164,6 +164,7 @@ mod tests {
             nominal_thickness_mm: 30.0,
             to_detector: RigidTransform::identity(),
             curve: Course::default(),
+            steps: Vec::new(),
             nipple_node: 0,
             met: None,
             stopped_early: None,

@@ -6,14 +6,10 @@ mod mat;
 pub use compare::{Comparison, compare};
 pub use mat::PressureMat;
 
-use crate::{
-    compress::Compression,
-    quality::Metrics,
-    results::{principal_stretches, von_mises_kpa},
-};
+use crate::{compress::Compression, quality::Metrics, results::principal_stretches};
 use mammotwin_data::{
-    Failure, Mat3, Vec3, metric::Metric, progress::Progress, store::Stage, study::ComfortPlan,
-    units::NEWTON,
+    Failure, Mat3, Vec3, metric::Metric, progress::Progress, solution::von_mises_kpa, store::Stage,
+    study::ComfortPlan, units::NEWTON,
 };
 use mammotwin_solver::compress::Pressing;
 use serde::Serialize;
@@ -134,7 +130,7 @@ pub fn face_pressures(compression: &Compression) -> Vec<Weighted> {
 
 impl Stage for Comfort {
     const NAME: &'static str = "comfort";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "Comfort is described by the contact pressure by area of the plates' faces, their upright \
          fronts apart, by the share of the force near the chest wall, by what a virtual pressure mat \
          shows, and by von Mises stress, largest stretch and largest logarithmic strain by volume and \
@@ -160,7 +156,7 @@ impl Stage for Comfort {
         add("force_n", "compression force", "N", force_n, None);
         let area_mm2 = last(&curve.contact_area_mm2);
         let long = "contact area of the paddle's face";
-        add("contact_area_cm2", long, "cm²", area_mm2 / 100.0, None);
+        add("contact_area_cm2", long, "cm2", area_mm2 / 100.0, None);
         let mean_kpa = if area_mm2 > 0.0 { force_n * NEWTON / area_mm2 } else { 0.0 };
         let long = "mean contact pressure under the paddle's face";
         add("mean_pressure_kpa", long, "kPa", mean_kpa, None);
@@ -170,7 +166,7 @@ impl Stage for Comfort {
         let fronts = || on_paddle.iter().filter(|one| one.is_front(&axis));
         let front_cm2 = fronts().map(|one| one.front_area(&axis)).fold(0.0, |a, b| a + b) / 100.0;
         let long = "contact area of the paddle's upright front";
-        add("front_area_cm2", long, "cm²", front_cm2, None);
+        add("front_area_cm2", long, "cm2", front_cm2, None);
         let front_n = fronts().map(|one| -one.force_mn.y).fold(0.0, |a, b| a + b) / NEWTON;
         let long = "force of the paddle's upright front towards the chest wall";
         add("front_force_n", long, "N", front_n, None);
@@ -207,7 +203,7 @@ impl Stage for Comfort {
         let mat = PressureMat::under_paddle(compression, mat_pitch_mm, mat_threshold_kpa);
         let sheet = format!("pressure mat, {mat_pitch_mm} mm, from {mat_threshold_kpa} kPa");
         let area_cm2 = mat.contact_area_mm2() / 100.0;
-        add("mat_contact_area_cm2", &format!("{sheet}: contact area"), "cm²", area_cm2, None);
+        add("mat_contact_area_cm2", &format!("{sheet}: contact area"), "cm2", area_cm2, None);
         add("mat_mean_kpa", &format!("{sheet}: mean"), "kPa", mat.mean_kpa(), None);
         add("mat_peak_kpa", &format!("{sheet}: largest"), "kPa", mat.peak_kpa(), None);
 
@@ -235,7 +231,7 @@ impl Stage for Comfort {
                 add(&format!("stretch_{name}_{word}"), &long, "", value, None);
             }
         }
-        Ok(Metrics { metrics })
+        Ok(Metrics { metrics, ..Metrics::default() })
     }
 }
 

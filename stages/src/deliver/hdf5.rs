@@ -7,8 +7,10 @@ use crate::{
     compress::Compression,
     mammogram::Mammograms,
     mesh::BreastMesh,
-    quality::Metrics,
-    results::{self, Provenance, Results, State},
+    pose::PoseFit,
+    quality::{Metrics, PictureRegions},
+    register::Registered,
+    results::{self, Picture, PoseResult, Provenance, Results, State},
     validate::Validation,
 };
 use mammotwin_data::{
@@ -17,9 +19,8 @@ use mammotwin_data::{
     mesh::TetMesh,
     metric::Metric,
     progress::Progress,
-    radiograph::Radiograph,
     store::Stage,
-    study::Study,
+    study::{Study, Use},
 };
 use serde::Serialize;
 
@@ -28,6 +29,8 @@ use serde::Serialize;
 pub struct Deliver {
     /// The study, without the paths of its files.
     pub study: Study,
+    /// Names of the poses that were registered, in the order of the inputs.
+    pub moving: Vec<String>,
     /// Version and stages that made the results.
     pub provenance: Provenance,
 }
@@ -36,12 +39,13 @@ bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const METHODS: &'static str = "";
     type Input = (
         BreastMesh,
         Calibration,
         Vec<Validation>,
+        Vec<Registered>,
         Option<Compression>,
         Option<Mammograms>,
         Vec<Metrics>,
@@ -50,53 +54,41 @@ impl Stage for Deliver {
 
     fn run(
         &self,
-        (mesh, calibration, validations, compression, mammograms, metrics): &Self::Input,
+        (mesh, calibration, validations, motions, compression, mammograms, metrics): &Self::Input,
         _: &dyn Progress,
     ) -> Result<ResultsFile, Failure> {
         let rest = TetMesh { points: calibration.after.rest.clone(), ..mesh.mesh.clone() };
-        let mut named = Vec::new();
-        for fit in &calibration.after.poses {
-            named.push((fit, format!("{}, simulated", fit.pose)));
-        }
-        for validation in validations {
-            let fit = &validation.after;
-            named.push((fit, format!("{}, simulated, held out", fit.pose)));
-        }
-        let mut states = Vec::new();
-        for (fit, long_name) in &named {
-            let solution = &fit.solution;
-            states.push(State {
-                name: &fit.pose,
-                long_name,
-                rest: &rest,
-                solution,
-                point_fields: &[],
-            });
-        }
-        let pressure = compression.as_ref().map(|c| {
-            let long_name = "Contact pressure of paddle and receptor";
-            let pressure = c.contact_pressure_kpa.clone();
-            let area = c.face_areas_mm2();
-            let area_name = "Area of the plates' faces that the skin around the node covers";
-            [
-                Field::scalar("contact_pressure_kpa", "kPa", long_name, pressure),
-                Field::scalar("contact_area_mm2", "mm2", area_name, area),
-            ]
-        });
+        let poses = self.poses(calibration, validations, motions);
+        let pressure: Vec<Field> = compression.iter().flat_map(contact).collect();
         let squeezed = compression.as_ref().map(Compression::in_reference_pose);
-        let mut curves = Vec::new();
-        if let (Some(c), Some((rest, solution))) = (compression, &squeezed) {
-            let point_fields = pressure.as_ref().map_or(&[][..], |fields| &fields[..]);
-            let long_name = "Compressed between paddle and receptor";
-            states.push(State { name: "compressed", long_name, rest, solution, point_fields });
-            curves.push(force_thickness(c));
-        }
+        let shown = match (&squeezed, poses.last()) {
+            (Some((rest, solution)), _) => Some(State {
+                name: "compressed",
+                long_name: "Compressed between paddle and receptor",
+                rest,
+                solution,
+                point_fields: &pressure,
+            }),
+            (None, Some(last)) => Some(State {
+                name: &last.after.pose,
+                long_name: &last.after.pose,
+                rest: &rest,
+                solution: &last.after.solution,
+                point_fields: &[],
+            }),
+            (None, None) => None,
+        };
+        let mut curves: Vec<Curve> = compression.iter().map(force_thickness).collect();
         curves.push(search(calibration));
-        let mut radiographs: Vec<(String, &Radiograph)> = Vec::new();
+        let regions: Vec<&PictureRegions> = metrics.iter().flat_map(|m| &m.regions).collect();
+        let mut pictures = Vec::new();
         if let Some(made) = mammograms {
-            for (technique, picture) in made.techniques.iter().zip(&made.pictures) {
+            for (technique, radiograph) in made.techniques.iter().zip(&made.pictures) {
                 let um = (1000.0 * technique.diameter_mm).round();
-                radiographs.push((format!("calcifications_{um}um"), picture));
+                let name = format!("calcifications_{um}um");
+                let own = |r: &&&PictureRegions| r.diameter_mm == technique.diameter_mm;
+                let regions = regions.iter().find(own).copied();
+                pictures.push(Picture { name, radiograph, technique, regions });
             }
         }
         let metrics: Vec<Metric> = sections::round_trip(calibration)
@@ -105,15 +97,50 @@ impl Stage for Deliver {
             .collect();
         let results = Results {
             study: &self.study,
-            states: &states,
+            shown: shown.as_ref(),
+            calibration: Some((calibration, &rest)),
+            poses: &poses,
+            compression: compression.as_ref(),
             curves: &curves,
-            radiographs: &radiographs,
+            pictures: &pictures,
             metrics: &metrics,
             provenance: &self.provenance,
         };
         let bytes = bytes_of("results.h5", |path| results::write(path, &results))?;
         Ok(ResultsFile(bytes))
     }
+}
+
+impl Deliver {
+    /// All simulated poses: the reference, those that were fitted, those that were held out.
+    fn poses<'a>(
+        &self,
+        calibration: &'a Calibration,
+        validations: &'a [Validation],
+        motions: &'a [Registered],
+    ) -> Vec<PoseResult<'a>> {
+        let fitted = calibration.before.poses.iter().zip(&calibration.after.poses);
+        let held_out = validations.iter().map(|v| (&v.before, &v.after));
+        let result = |(before, after): (&'a PoseFit, &'a PoseFit)| {
+            let number = self.moving.iter().position(|name| *name == after.pose);
+            let registered = number.and_then(|n| motions.get(n));
+            let usage = self.study.poses.get(&after.pose).map_or(Use::Fit, |pose| pose.usage);
+            PoseResult { registered, usage, before, after }
+        };
+        fitted.chain(held_out).map(result).collect()
+    }
+}
+
+/// Pressure and area of the plates' contact with the skin.
+fn contact(compression: &Compression) -> [Field; 2] {
+    let long_name = "Contact pressure of paddle and receptor";
+    let pressure = compression.contact_pressure_kpa.clone();
+    let area_name = "Area of the plates' faces that the skin around the node covers";
+    let area = compression.face_areas_mm2();
+    [
+        Field::scalar("contact_pressure_kpa", "kPa", long_name, pressure),
+        Field::scalar("contact_area_mm2", "mm2", area_name, area),
+    ]
 }
 
 fn force_thickness(compression: &Compression) -> Curve {

@@ -1,6 +1,6 @@
 //! `report.html` as a stage.
 
-use super::sections;
+use super::{scenes::scenes, sections};
 use crate::{
     align,
     artifact::bytes_artifact,
@@ -53,7 +53,7 @@ pub type Squeezed =
 
 impl Stage for Report {
     const NAME: &'static str = "report";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "";
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
@@ -74,6 +74,7 @@ impl Stage for Report {
             calibration: Some(sections::calibration(mesh, calibration)),
             validation: validations.first().map(|v| sections::validation(mesh, v)),
             compression: compression.as_ref().map(sections::compression),
+            scenes: scenes(mesh, calibration, validations, compression.as_ref()),
             metrics: sections::round_trip(calibration)
                 .into_iter()
                 .chain(metrics.iter().flat_map(|m| m.metrics.clone()))

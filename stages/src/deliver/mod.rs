@@ -3,6 +3,7 @@
 mod hdf5;
 mod html;
 mod picture;
+mod scenes;
 mod sections;
 
 pub use hdf5::{Deliver, ResultsFile};

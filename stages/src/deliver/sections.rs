@@ -421,8 +421,10 @@ pub fn summary(
     if let Some(c) = compression {
         let force = c.curve.force_n.last().copied().unwrap_or(0.0);
         let thickness = c.thickness_mm;
-        text +=
-            &format!("{} breast compressed to {thickness:.1} mm with {force:.1} N.", c.side.name());
+        text += &format!(
+            "The {} breast is compressed to {thickness:.1} mm with {force:.1} N.",
+            c.side.name()
+        );
     }
     text
 }

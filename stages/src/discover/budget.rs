@@ -3,7 +3,7 @@
 //! Residuals are signed normal distances at the compared nodes of all poses, stacked pose after
 //! pose. Rigid motion of a pose is left open: a registration error must not look like physics.
 
-use super::observe::{Frame, Observed};
+use super::observe::{Shape, rows};
 use mammotwin_data::Vec3;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
@@ -27,24 +27,37 @@ pub struct Budget {
 
 /// Least noise from node to node (mm).
 const LEAST_WHITE_MM: f64 = 0.25;
-/// Open rigid motion of a pose: so many millimetres and radians are as likely as none.
-const OPEN_SHIFT_MM: f64 = 10.0;
-const OPEN_TURN: f64 = 0.1;
+/// Errors (mm, radians) of the rigid motion of a pose, along and about each axis.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigidError {
+    /// Of the translation (mm).
+    pub shift_mm: f64,
+    /// Of the rotation (rad).
+    pub turn: f64,
+}
+
+/// Leaves the rigid motion open: so much is as likely as none.
+const OPEN: RigidError = RigidError { shift_mm: 10.0, turn: 0.1 };
 
 impl Budget {
-    /// The budget of residuals: their noise from node to node is measured where they differ from
-    /// the mean of their neighbours, robustly. The chest wall's 1 - 2.4 mm rms over waves of
-    /// 160 - 320 mm is what people differ by between poses (Mîra 2018, § 3.1; measured ±5 mm).
-    pub fn of(frame: &Frame, observed: &Observed) -> Self {
+    /// The budget of the residuals (mm) of all poses at nodes that `edges` join: their noise from node
+    /// to node is measured where they differ from the mean of their neighbours, robustly. The chest
+    /// wall's 1 - 2.4 mm rms over waves of 160 - 320 mm is what people differ by between poses
+    /// (Mîra 2018, § 3.1; measured ±5 mm).
+    pub fn of(edges: &[[u32; 2]], nodes: usize, residual: &DVector<f64>) -> Self {
         let mut rough: Vec<f64> = Vec::new();
-        for pose in &observed.poses {
-            for (node, near) in frame.neighbours.iter().enumerate() {
-                if near.len() >= 3 {
-                    let mean = near.iter().map(|&n| pose.signed_mm[n]).sum::<f64>();
-                    let count = near.len() as f64;
+        for pose in residual.as_slice().chunks(nodes.max(1)) {
+            let mut around = vec![(0.0, 0.0); nodes];
+            for &[a, b] in edges {
+                for (at, near) in [(a as usize, b as usize), (b as usize, a as usize)] {
+                    around[at].0 += pose[near];
+                    around[at].1 += 1.0;
+                }
+            }
+            for ((sum, count), own) in around.into_iter().zip(pose) {
+                if count >= 3.0 {
                     // Independent noise: the difference has (1 + 1/n) of its variance.
-                    let scale = (1.0 + 1.0 / count).sqrt();
-                    rough.push((pose.signed_mm[node] - mean / count).abs() / scale);
+                    rough.push((own - sum / count).abs() / f64::sqrt(1.0 + 1.0 / count));
                 }
             }
         }
@@ -62,33 +75,49 @@ impl Budget {
         }
     }
 
-    /// Covariance (mm²) of the residuals of all poses. `meshings` are differences (mm) to the same
-    /// model on other meshes; each is as likely an error as its opposite.
+    /// Covariance (mm²) of the residuals of all poses, whose simulated skins are `shapes`; their rigid
+    /// motions are open. `meshings` are differences (mm) to the same model on other meshes; each is
+    /// as likely an error as its opposite.
     pub fn covariance(
         &self,
-        frame: &Frame,
-        observed: &Observed,
+        reference: &Shape,
+        shapes: &[Shape],
         meshings: &[DVector<f64>],
     ) -> DMatrix<f64> {
-        let (poses, nodes) = (observed.poses.len(), frame.reference.len());
+        let mut sum = self.measured(reference, shapes, OPEN);
+        for difference in meshings {
+            sum.ger(1.0, difference, difference, 1.0);
+        }
+        sum
+    }
+
+    /// Covariance (mm²) of the errors of what was measured, with errors of the rigid motions.
+    pub fn measured(
+        &self,
+        reference: &Shape,
+        shapes: &[Shape],
+        rigid_error: RigidError,
+    ) -> DMatrix<f64> {
+        let RigidError { shift_mm, turn } = rigid_error;
+        let (poses, nodes) = (shapes.len(), reference.points.len());
         let bell = |a: &Vec3, b: &Vec3, length: f64| {
             (-0.5 * (a - b).norm_squared() / (length * length)).exp()
         };
         let mut sum = DMatrix::zeros(poses * nodes, poses * nodes);
         let segmentation = self.segmentation_mm.powi(2);
-        let reference = DMatrix::from_fn(nodes, nodes, |i, j| {
-            let facing = frame.normals[i].dot(&frame.normals[j]).max(0.0);
-            let (a, b) = (&frame.reference[i], &frame.reference[j]);
+        let shared = DMatrix::from_fn(nodes, nodes, |i, j| {
+            let facing = reference.normals[i].dot(&reference.normals[j]).max(0.0);
+            let (a, b) = (&reference.points[i], &reference.points[j]);
             segmentation * bell(a, b, self.segmentation_length_mm) * facing
         });
         for p in 0..poses {
             for q in 0..poses {
                 let mut block = sum.view_mut((p * nodes, q * nodes), (nodes, nodes));
-                block += &reference;
+                block += &shared;
                 if p != q {
                     continue;
                 }
-                let pose = &observed.poses[p];
+                let pose = &shapes[p];
                 let rigid = pose.rigid_modes();
                 for i in 0..nodes {
                     for j in 0..nodes {
@@ -98,8 +127,9 @@ impl Budget {
                         let chest = self.chest_mm.powi(2) * bell(a, b, self.chest_length_mm);
                         let mut error = own * facing.max(0.0) + chest * facing;
                         error += self.offset_mm.powi(2);
-                        for (mode, open) in rigid.iter().zip(OPEN) {
-                            error += (open * open) * mode[i] * mode[j];
+                        for (n, mode) in rigid.iter().enumerate() {
+                            let size = if n < 3 { shift_mm } else { turn };
+                            error += (size * size) * mode[i] * mode[j];
                         }
                         block[(i, j)] += error;
                     }
@@ -107,15 +137,9 @@ impl Budget {
                 }
             }
         }
-        for difference in meshings {
-            sum.ger(1.0, difference, difference, 1.0);
-        }
         sum
     }
 }
-
-const OPEN: [f64; 6] =
-    [OPEN_SHIFT_MM, OPEN_SHIFT_MM, OPEN_SHIFT_MM, OPEN_TURN, OPEN_TURN, OPEN_TURN];
 
 /// Turns residuals into independent ones of variance 1.
 pub struct Whitener(Cholesky<f64, Dyn>);
@@ -124,7 +148,7 @@ impl Whitener {
     /// Of a covariance, for the rows of the given poses of `nodes` each; `None` when the
     /// covariance is not positive.
     pub fn new(covariance: &DMatrix<f64>, poses: &[usize], nodes: usize) -> Option<Self> {
-        let rows: Vec<usize> = poses.iter().flat_map(|p| p * nodes..(p + 1) * nodes).collect();
+        let rows = rows(poses, nodes);
         Cholesky::new(covariance.select_rows(&rows).select_columns(&rows)).map(Self)
     }
 

@@ -6,63 +6,39 @@
 //! data. The best are fitted together with the moduli. A pose that the search never saw decides.
 
 mod budget;
+mod clusters;
+mod evidence;
 mod observe;
 mod refit;
 mod screen;
+pub mod trial;
 mod verdict;
 
-pub use budget::Budget;
+pub use budget::{Budget, RigidError};
+pub use clusters::Cluster;
+pub use evidence::{Evidence, Gather};
 pub use screen::{Score, Screening};
-pub use verdict::{Candidate, HeldOut, Verdict, VerdictName};
+pub use verdict::{Candidate, HeldOut, Judge, Verdict, VerdictName};
 
-use crate::{
-    calibrate::{Calibration, Experiment, Fit, Measured},
-    effects::{EFFECTS, Effect},
-    mesh::{BreastMesh, Mesh},
-    model::Body,
-    register::Registered,
-    surface::PoseSurfaces,
-};
-use budget::Whitener;
+use crate::calibrate::{Experiment, Fit};
 use mammotwin_data::{
-    Failure, Vec3,
+    Failure,
     io::hdf5,
-    labels::LabelMap,
-    mesh::Patch,
     progress::{Progress, Silent},
     store::{Artifact, Stage},
-    study::{CalibratePlan, ModelPlan},
     surface::TriMesh,
 };
-use nalgebra::DVector;
-use observe::Frame;
+use observe::{part, skin};
 use rayon::prelude::*;
-use refit::{Refit, with_effect};
+use refit::{Fitted, Refit};
 use serde::Serialize;
 use std::path::Path;
-
-/// Edge lengths of the other meshes, over the model's own.
-const MESHINGS: [f64; 3] = [0.8, 0.9, 1.15];
-/// Change of the logarithm of a modulus, for differences.
-const SMALL_MODULUS: f64 = 0.05;
-/// Effects that are fitted after the screening.
-const FITTED: usize = 3;
 
 /// Looks for a missing effect.
 #[derive(Debug, Clone, Serialize)]
 pub struct Discover {
-    /// Tissues, supports and the effects that are on already.
-    pub model: ModelPlan,
-    /// How the stress-free shape is found.
-    pub calibrate: CalibratePlan,
-    /// Edge length (mm) of the model's mesh.
-    pub size_mm: f64,
-    /// Name of the reference pose.
-    pub reference: String,
-    /// Unit vector of gravity in the reference pose.
-    pub gravity: Vec3,
-    /// Names of the other poses, in the order of the inputs.
-    pub poses: Vec<String>,
+    /// How the evidence was gathered.
+    pub gather: Gather,
     /// The pose that decides, and that the search does not see.
     pub held_out: String,
 }
@@ -72,9 +48,9 @@ pub struct Discover {
 pub struct PoseGap {
     /// Its name.
     pub pose: String,
-    /// Compared nodes of the measured pose's simulation without the effect (mm).
-    pub skin: TriMesh,
-    /// The compared nodes among those of the mesh.
+    /// Simulated skin (mm) without and with the effect, in the reference pose's frame.
+    pub skin: [TriMesh; 2],
+    /// Its nodes that are compared.
     pub active: Vec<u32>,
     /// Signed distances (mm) with refitted moduli.
     pub before_mm: Vec<f64>,
@@ -93,6 +69,8 @@ pub struct Discovery {
     pub screening: Screening,
     /// The error budget.
     pub budget: Budget,
+    /// Where residuals without an effect are larger than errors leave, moduli refitted.
+    pub clusters: Vec<Cluster>,
     /// Before and after, in the order of the poses.
     pub gaps: Vec<PoseGap>,
 }
@@ -105,11 +83,13 @@ impl Artifact for Discovery {
         file.put_json("verdict", &self.verdict, "the answer")?;
         file.put_json("screening", &self.screening, "score of each effect")?;
         file.put_json("budget", &self.budget, "error budget (mm)")?;
+        file.put_json("clusters", &self.clusters, "places of significant residuals")?;
         let names: Vec<String> = self.gaps.iter().map(|gap| gap.pose.clone()).collect();
         file.put_texts("poses", &names, "poses that were compared")?;
         for gap in &self.gaps {
             let group = format!("gaps/{}", gap.pose);
-            file.put_surface(&format!("{group}/skin"), &gap.skin)?;
+            file.put_surface(&format!("{group}/skin_before"), &gap.skin[0])?;
+            file.put_surface(&format!("{group}/skin_after"), &gap.skin[1])?;
             file.put(&format!("{group}/active"), &gap.active, "1", "compared nodes")?;
             let name = format!("{group}/before");
             file.put(&name, &gap.before_mm, "mm", "signed distance without the effect")?;
@@ -127,8 +107,9 @@ impl Artifact for Discovery {
         for pose in file.texts("poses")? {
             let group = format!("gaps/{pose}");
             let rms: Vec<f64> = file.get(&format!("{group}/rms"))?;
+            let skin = |when: &str| file.surface(&format!("{group}/skin_{when}"));
             gaps.push(PoseGap {
-                skin: file.surface(&format!("{group}/skin"))?,
+                skin: [skin("before")?, skin("after")?],
                 active: file.get(&format!("{group}/active"))?,
                 before_mm: file.get(&format!("{group}/before"))?,
                 after_mm: file.get(&format!("{group}/after"))?,
@@ -140,177 +121,84 @@ impl Artifact for Discovery {
             verdict: file.json("verdict")?,
             screening: file.json("screening")?,
             budget: file.json("budget")?,
+            clusters: file.json("clusters")?,
             gaps,
         })
     }
 }
 
-/// Labels and surfaces of the reference pose, its mesh, the calibration, and for each other pose
-/// its motion and its surfaces.
-type Input = (LabelMap, PoseSurfaces, BreastMesh, Calibration, Vec<Registered>, Vec<PoseSurfaces>);
+/// The evidence, and all that it was gathered from.
+type Input = (Evidence, evidence::Input);
 
 impl Stage for Discover {
     const NAME: &'static str = "discover";
-    const VERSION: u32 = 1;
-    const METHODS: &'static str = "Signed distances of the simulated to the measured skin were weighed with the covariance \
-         of the errors of segmentation, registration, chest wall and mesh. A score test asked for \
-         each effect of a library whether what the moduli do not absorb of its signature is in \
-         the distances; the threshold is the 99 % quantile of the largest score. The best effects \
-         were fitted together with the moduli, and judged on a pose that the search did not see.";
+    const VERSION: u32 = 3;
+    const METHODS: &'static str = "Residuals were weighed with the covariance of the errors of segmentation, registration, \
+         chest wall and mesh. A score test asked for each effect of the library whether what the \
+         moduli do not absorb of its signature is in the residuals; the threshold is the 99 % quantile \
+         of the largest score. The best effects were fitted together with the moduli, and judged on a \
+         pose that the search did not see.";
     type Input = Input;
     type Output = Discovery;
 
-    fn run(&self, input: &Input, progress: &dyn Progress) -> Result<Discovery, Failure> {
-        let (labels, reference, mesh, calibration, registered, surfaces) = input;
-        let names = self.poses.iter().map(String::as_str);
-        let measured = Measured {
-            reference: &self.reference,
-            gravity: self.gravity,
-            surfaces: reference,
-            others: names.zip(registered).zip(surfaces).map(|((n, m), s)| (n, m, s)).collect(),
-        };
-        let experiment = Experiment::new(mesh, &self.model, &self.calibrate, &measured)?;
-        let held_out = self.poses.iter().position(|pose| *pose == self.held_out);
-        let seen: Vec<usize> = (0..self.poses.len()).filter(|p| Some(*p) != held_out).collect();
-        let (Some(held_out), false) = (held_out, seen.is_empty()) else {
-            return Err(Failure::BadInput(format!(
-                "discover: needs the held-out pose {} and at least one more beside the reference \
-                 pose",
-                self.held_out
-            )));
-        };
+    fn run(
+        &self,
+        (evidence, gathered): &Input,
+        progress: &dyn Progress,
+    ) -> Result<Discovery, Failure> {
+        let judge = Judge::new(evidence, &self.held_out)?;
+        let screening = judge.screen(&evidence.residual);
 
-        progress.report(0.0, "calibrated model");
-        let base =
-            experiment.evaluate(calibration.after.moduli, Some(&calibration.after), &Silent, "")?;
-        let frame = Frame::new(mesh, &base)?;
-        let observed = frame.observe(&base);
-
-        let mut meshings = Vec::new();
-        for (n, part) in MESHINGS.into_iter().enumerate() {
-            progress.report(0.05 + 0.1 * n as f64, "the same model on other meshes");
-            let other = Mesh { size_mm: part * self.size_mm }.run(labels, &Silent)?;
-            let faces = other.mesh.patch(Patch::Skin).to_vec();
-            let experiment = Experiment::new(&other, &self.model, &self.calibrate, &measured)?;
-            // A mesh on which the model fails tells nothing.
-            if let Ok(fit) = experiment.evaluate(base.moduli, None, &Silent, "") {
-                meshings.push(observed.differences(&fit.poses[1..], &faces)?);
-            }
-        }
-        let budget = Budget::of(&frame, &observed);
-        let covariance = budget.covariance(&frame, &observed, &meshings);
-        let nodes = frame.reference.len();
-        let whiten = |poses: &[usize]| {
-            Whitener::new(&covariance, poses, nodes)
-                .ok_or_else(|| Failure::Numerics("discover: errors without a covariance".into()))
-        };
-        let whitener = whiten(&seen)?;
-
-        progress.report(0.35, "signatures of the effects");
-        let residual = observed.residual(&seen);
-        let by_moduli = self.by_moduli(&experiment, &frame, &base, &seen, &residual)?;
-        let signatures: Vec<(&'static Effect, DVector<f64>)> = EFFECTS
-            .into_par_iter()
-            .filter_map(|effect| {
-                let small = effect.amplitude.small;
-                let plan = with_effect(&self.model, effect, small);
-                let body = Body { plan: &plan, ..experiment.body.clone() };
-                let fit = experiment.evaluate_as(&body, base.moduli, Some(&base), &Silent, "");
-                let moved = frame.observe(&fit.ok()?).residual(&seen);
-                Some((effect, (moved - &residual) / small))
-            })
-            .collect();
-        let screening = Screening::new(&whitener, &residual, &by_moduli, &signatures);
-
-        progress.report(0.7, "fits with the likeliest effects");
+        progress.report(0.1, "fits with the likeliest effects");
+        let (_, _, mesh, calibration, ..) = gathered;
+        let Gather { model, calibrate, .. } = &self.gather;
+        let measured = self.gather.measured(gathered);
+        let experiment = Experiment::new(mesh, model, calibrate, &measured)?;
+        let moduli = evidence.moduli;
+        let start = experiment.evaluate(moduli, Some(&calibration.after), &Silent, "")?;
         let refit = Refit {
             experiment: &experiment,
-            frame: &frame,
-            whitener: &whitener,
-            seen: &seen,
-            plan: &self.model,
-            start: &base,
-            by_moduli: &by_moduli,
+            evidence,
+            whitener: &judge.whitener,
+            seen: &judge.seen,
+            plan: model,
+            start: &start,
         };
-        let without = refit.run(None)?;
-        let ranked = screening.ranked();
-        let likely: Vec<&Score> = ranked.into_iter().filter(|s| s.z > 0.0).take(FITTED).collect();
-        let with: Vec<_> = likely
-            .into_par_iter()
-            .filter_map(|score| {
-                let (effect, signature) =
-                    signatures.iter().find(|(effect, _)| effect.name == score.effect)?;
-                let found = refit.run(Some((effect, score.amplitude, signature))).ok()?;
-                Some((*effect, found))
-            })
-            .collect();
+        let likely = judge.likely(&screening);
+        let wishes: Vec<_> = [None].into_iter().chain(likely.iter().copied().map(Some)).collect();
+        let mut fits: Vec<(Fitted, Fit)> =
+            wishes.into_par_iter().map(|effect| refit.run(effect)).collect();
+        let (without, without_fit) = fits.remove(0);
+        let (fitted, fits): (Vec<Fitted>, Vec<Fit>) = fits.into_iter().unzip();
+        let with: Vec<(usize, Fitted)> = likely.into_iter().map(|(k, _)| k).zip(fitted).collect();
+        let verdict = judge.judge(&screening, &without, &with);
 
-        let judge = verdict::Judge {
-            frame: &frame,
-            covariance: &covariance,
-            screening: &screening,
-            seen: &seen,
-            held_out,
-            held_out_whitener: &whiten(&[held_out])?,
+        let best = verdict.candidates.first();
+        let place = best.and_then(|best| {
+            with.iter().position(|(k, _)| evidence.signatures[*k].0.name == best.effect)
+        });
+        let (after, after_fit) = match place {
+            Some(n) => (&with[n].1, &fits[n]),
+            None => (&without, &without_fit),
         };
-        let (verdict, after) = judge.judge(&without, &with);
-        let after = after.unwrap_or(&without.fit);
-        Ok(Discovery {
-            gaps: self.gaps(&frame, &covariance, &without.fit, after),
-            verdict,
-            screening,
-            budget,
-        })
-    }
-}
-
-impl Discover {
-    /// Derivatives (mm) of the seen residuals by the logarithms of the moduli.
-    fn by_moduli(
-        &self,
-        experiment: &Experiment,
-        frame: &Frame,
-        base: &Fit,
-        seen: &[usize],
-        residual: &DVector<f64>,
-    ) -> Result<Vec<DVector<f64>>, Failure> {
-        [[SMALL_MODULUS, 0.0], [0.0, SMALL_MODULUS]]
-            .into_par_iter()
-            .map(|[right, left]| {
-                let mut moduli = base.moduli;
-                moduli.right_kpa *= f64::exp(right);
-                moduli.left_kpa *= f64::exp(left);
-                let fit = experiment.evaluate(moduli, Some(base), &Silent, "")?;
-                Ok((frame.observe(&fit).residual(seen) - residual) / SMALL_MODULUS)
-            })
-            .collect()
-    }
-
-    fn gaps(
-        &self,
-        frame: &Frame,
-        covariance: &nalgebra::DMatrix<f64>,
-        before: &Fit,
-        after: &Fit,
-    ) -> Vec<PoseGap> {
-        let (before_at, after_at) = (frame.observe(before), frame.observe(after));
-        let nodes = frame.reference.len();
-        let one = |(p, pose): (usize, &String)| {
-            let [b, a] = [&before_at, &after_at].map(|o| (&o.poses[p], o.residual(&[p])));
-            let own = covariance.view((p * nodes, p * nodes), (nodes, nodes)).into_owned();
+        let gap = |(p, pose): (usize, &String)| {
+            let own = |all| part(all, &[p], evidence.nodes()).as_slice().to_vec();
+            let simulated = |fit: &Fit| skin(mesh, &fit.poses[p + 1].solution.points);
             PoseGap {
                 pose: pose.clone(),
-                skin: b.0.surface().clone(),
-                active: before.poses[p + 1].active.clone(),
-                before_mm: b.1.as_slice().to_vec(),
-                after_mm: a.1.as_slice().to_vec(),
-                rms_mm: [
-                    b.0.without_rigid_mm(&b.1),
-                    a.0.without_rigid_mm(&a.1),
-                    b.0.floor_mm(&own),
-                ],
+                skin: [simulated(&without_fit), simulated(after_fit)],
+                active: without_fit.poses[p + 1].active.clone(),
+                before_mm: own(&without.residual),
+                after_mm: own(&after.residual),
+                rms_mm: judge.rms_mm(p, &without.residual, &after.residual),
             }
         };
-        self.poses.iter().enumerate().map(one).collect()
+        Ok(Discovery {
+            gaps: evidence.poses.iter().enumerate().map(gap).collect(),
+            budget: evidence.budget,
+            clusters: clusters::clusters(&judge, evidence, &mesh.anatomy, &without.residual),
+            verdict,
+            screening,
+        })
     }
 }

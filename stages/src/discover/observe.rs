@@ -1,120 +1,96 @@
 //! Residuals of simulated poses at material points of the skin.
 
 use crate::{calibrate::Fit, mesh::BreastMesh, pose::PoseFit};
-use mammotwin_data::{Failure, Vec3, mesh::Patch, surface::TriMesh};
+use mammotwin_data::{Failure, Vec3, io::hdf5, mesh::Patch, surface::TriMesh};
 use mammotwin_solver::distance::SurfaceIndex;
 use nalgebra::{DMatrix, DVector};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-/// The compared nodes of the skin, in the reference pose.
-pub struct Frame {
+/// The compared nodes of the skin in one shape of the body.
+#[derive(Debug, Clone)]
+pub struct Shape {
     /// Positions (mm).
-    pub reference: Vec<Vec3>,
+    pub points: Vec<Vec3>,
     /// Outward unit normals.
     pub normals: Vec<Vec3>,
-    /// Compared neighbours of each.
-    pub neighbours: Vec<Vec<usize>>,
-    faces: Vec<[u32; 3]>,
-    active: Vec<u32>,
 }
 
-/// One simulated pose at the compared nodes.
-pub struct ObservedPose {
-    /// Simulated positions (mm).
-    pub points: Vec<Vec3>,
-    /// Outward unit normals of the simulated skin.
-    pub normals: Vec<Vec3>,
-    /// Signed distance (mm) to the measured skin, positive outside of it.
-    pub signed_mm: Vec<f64>,
-    surface: TriMesh,
-}
-
-/// All poses but the reference pose.
-pub struct Observed {
-    /// In the order of the experiment.
-    pub poses: Vec<ObservedPose>,
-}
-
-impl Frame {
-    /// The frame of a mesh, for the nodes that a fit compares.
-    pub fn new(mesh: &BreastMesh, fit: &Fit) -> Result<Self, Failure> {
-        let active = match fit.poses.first() {
-            Some(pose) if !pose.active.is_empty() => pose.active.clone(),
-            _ => return Err(Failure::BadInput("discover: no skin is compared".into())),
-        };
-        let faces = mesh.mesh.patch(Patch::Skin).to_vec();
-        let skin = TriMesh { points: mesh.mesh.points.clone(), triangles: faces.clone() };
-        let normals = skin.vertex_normals();
-        let place: BTreeMap<u32, usize> =
-            active.iter().enumerate().map(|(at, &node)| (node, at)).collect();
-        let mut neighbours = vec![Vec::new(); active.len()];
-        for face in &faces {
-            for n in 0..3 {
-                let (a, b) = (place.get(&face[n]), place.get(&face[(n + 1) % 3]));
-                if let (Some(&a), Some(&b)) = (a, b) {
-                    neighbours[a].push(b);
-                    neighbours[b].push(a);
-                }
+/// Edges of the skin between compared nodes, as places among these.
+pub(super) fn edges(mesh: &BreastMesh, active: &[u32]) -> Vec<[u32; 2]> {
+    let place: BTreeMap<u32, u32> = active.iter().zip(0..).map(|(&node, at)| (node, at)).collect();
+    let mut edges = BTreeSet::new();
+    for face in mesh.mesh.patch(Patch::Skin) {
+        for n in 0..3 {
+            let (a, b) = (place.get(&face[n]), place.get(&face[(n + 1) % 3]));
+            if let (Some(&a), Some(&b)) = (a, b) {
+                edges.insert([a.min(b), a.max(b)]);
             }
         }
-        for near in &mut neighbours {
-            near.sort_unstable();
-            near.dedup();
-        }
-        Ok(Self {
-            reference: active.iter().map(|&n| mesh.mesh.points[n as usize]).collect(),
+    }
+    edges.into_iter().collect()
+}
+
+/// The skin of a mesh with its nodes at `points`.
+pub(super) fn skin(mesh: &BreastMesh, points: &[Vec3]) -> TriMesh {
+    TriMesh { points: points.to_vec(), triangles: mesh.mesh.patch(Patch::Skin).to_vec() }
+}
+
+/// The residuals (mm) of all poses but the reference pose, one after the other.
+pub(super) fn residual(fit: &Fit) -> DVector<f64> {
+    let all = fit.poses[1..].iter().flat_map(|pose| pose.signed_mm.iter().copied());
+    DVector::from_vec(all.collect())
+}
+
+/// Signed distances (mm) of the nodes of all poses to the skin of the same poses on another mesh.
+pub(super) fn differences(
+    shapes: &[Shape],
+    other: &[PoseFit],
+    mesh: &BreastMesh,
+) -> Result<DVector<f64>, Failure> {
+    let wrong = |cause: &dyn std::fmt::Display| Failure::Numerics(format!("discover: {cause}"));
+    let mut all = Vec::new();
+    for (shape, other) in shapes.iter().zip(other) {
+        let index =
+            SurfaceIndex::new(&skin(mesh, &other.solution.points)).map_err(|c| wrong(&c))?;
+        let closest = index.closest_of(&shape.points).map_err(|c| wrong(&c))?;
+        all.extend(closest.iter().zip(&shape.points).map(|(c, p)| c.signed_mm(p)));
+    }
+    Ok(DVector::from_vec(all))
+}
+
+/// Rows of some poses among those of all, of `nodes` each.
+pub(super) fn rows(poses: &[usize], nodes: usize) -> Vec<usize> {
+    poses.iter().flat_map(|p| p * nodes..(p + 1) * nodes).collect()
+}
+
+/// The residuals of some poses.
+pub(super) fn part(all: &DVector<f64>, poses: &[usize], nodes: usize) -> DVector<f64> {
+    all.select_rows(&rows(poses, nodes))
+}
+
+impl Shape {
+    /// The compared nodes of a skin.
+    pub fn of(skin: &TriMesh, active: &[u32]) -> Self {
+        let normals = skin.vertex_normals();
+        Self {
+            points: active.iter().map(|&n| skin.points[n as usize]).collect(),
             normals: active.iter().map(|&n| normals[n as usize]).collect(),
-            neighbours,
-            faces,
-            active,
-        })
-    }
-
-    /// The poses of a fit, without the reference pose.
-    pub fn observe(&self, fit: &Fit) -> Observed {
-        Observed { poses: fit.poses[1..].iter().map(|pose| self.pose(pose)).collect() }
-    }
-
-    fn pose(&self, pose: &PoseFit) -> ObservedPose {
-        let points = pose.solution.points.clone();
-        let surface = TriMesh { points, triangles: self.faces.clone() };
-        let normals = surface.vertex_normals();
-        ObservedPose {
-            points: self.active.iter().map(|&n| surface.points[n as usize]).collect(),
-            normals: self.active.iter().map(|&n| normals[n as usize]).collect(),
-            signed_mm: pose.signed_mm.clone(),
-            surface,
         }
     }
-}
 
-impl Observed {
-    /// The residuals (mm) of some poses, one after the other.
-    pub fn residual(&self, poses: &[usize]) -> DVector<f64> {
-        let all = poses.iter().flat_map(|&p| self.poses[p].signed_mm.iter().copied());
-        DVector::from_vec(all.collect())
+    /// Writes into a group.
+    pub(super) fn put(&self, file: &mut hdf5::Writer, group: &str) -> Result<(), Failure> {
+        file.put(&format!("{group}/points"), &self.points, "mm", "compared nodes of the skin")?;
+        file.put(&format!("{group}/normals"), &self.normals, "1", "outward unit normals")?;
+        Ok(())
     }
 
-    /// Signed distances (mm) of the nodes of all poses to the skin of the same poses on another mesh.
-    pub fn differences(
-        &self,
-        other: &[PoseFit],
-        faces: &[[u32; 3]],
-    ) -> Result<DVector<f64>, Failure> {
-        let wrong = |cause: &dyn std::fmt::Display| Failure::Numerics(format!("discover: {cause}"));
-        let mut all = Vec::new();
-        for (pose, other) in self.poses.iter().zip(other) {
-            let points = other.solution.points.clone();
-            let surface = TriMesh { points, triangles: faces.to_vec() };
-            let index = SurfaceIndex::new(&surface).map_err(|c| wrong(&c))?;
-            let closest = index.closest_of(&pose.points).map_err(|c| wrong(&c))?;
-            all.extend(closest.iter().zip(&pose.points).map(|(c, p)| c.signed_mm(p)));
-        }
-        Ok(DVector::from_vec(all))
+    /// Reads what [`Shape::put`] wrote.
+    pub(super) fn get(file: &hdf5::Reader, group: &str) -> Result<Self, Failure> {
+        let points = file.get(&format!("{group}/points"))?;
+        Ok(Self { points, normals: file.get(&format!("{group}/normals"))? })
     }
-}
 
-impl ObservedPose {
     /// What small translations (1 mm) and turns (1 rad about the centre) of the measured skin add to
     /// the residuals.
     pub fn rigid_modes(&self) -> [DVector<f64>; 6] {
@@ -142,17 +118,11 @@ impl ObservedPose {
         let basis = DMatrix::from_columns(&self.rigid_modes()).qr().q();
         &basis * (basis.transpose() * residual)
     }
+}
 
-    /// Root mean square (mm) that errors of a covariance leave after the best rigid motion.
-    pub fn floor_mm(&self, covariance: &DMatrix<f64>) -> f64 {
-        let basis = DMatrix::from_columns(&self.rigid_modes()).qr().q();
-        let left = covariance - &basis * (basis.transpose() * covariance);
-        let left = &left - (&left * &basis) * basis.transpose();
-        (left.trace() / covariance.nrows().max(1) as f64).max(0.0).sqrt()
-    }
-
-    /// The simulated skin.
-    pub fn surface(&self) -> &TriMesh {
-        &self.surface
-    }
+/// What is left of a covariance (mm²) of residuals when the columns `fitted` (mm) are fitted.
+pub(super) fn leftover(covariance: &DMatrix<f64>, fitted: &[DVector<f64>]) -> DMatrix<f64> {
+    let basis = DMatrix::from_columns(fitted).qr().q();
+    let left = covariance - &basis * (basis.transpose() * covariance);
+    &left - (&left * &basis) * basis.transpose()
 }

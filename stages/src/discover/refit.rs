@@ -1,6 +1,6 @@
-//! Nonlinear fit of the moduli, with or without one effect: Gauss-Newton with Broyden's updates.
+//! Fit of the moduli, with or without one effect: linear, or Gauss-Newton with Broyden's updates.
 
-use super::{budget::Whitener, observe::Frame};
+use super::{budget::Whitener, evidence::Evidence, observe};
 use crate::{
     calibrate::{Experiment, Fit},
     effects::Effect,
@@ -19,27 +19,71 @@ const STRIDE: f64 = 0.5;
 /// What a fit needs to know.
 pub(super) struct Refit<'a> {
     pub experiment: &'a Experiment<'a>,
-    pub frame: &'a Frame,
+    pub evidence: &'a Evidence,
+    /// Of the seen poses.
     pub whitener: &'a Whitener,
     /// Poses that the fit sees.
     pub seen: &'a [usize],
     pub plan: &'a ModelPlan,
-    /// The fit to begin with, and derivatives (mm) of its seen residuals by the logarithms of both
-    /// moduli.
+    /// The fit to begin with.
     pub start: &'a Fit,
-    pub by_moduli: &'a [DVector<f64>],
 }
 
 /// A fit that was found.
 #[derive(Debug, Clone)]
-pub(super) struct Refitted {
-    pub fit: Fit,
+pub(super) struct Fitted {
+    /// Residuals (mm) of all poses.
+    pub residual: DVector<f64>,
+    pub moduli: Moduli,
     pub amplitude: f64,
-    /// Squared norm of the whitened residuals of the seen poses.
-    pub misfit: f64,
-    pub evaluations: usize,
     /// Standard deviation of the amplitude, linearised.
     pub amplitude_sd: f64,
+    /// Squared norm of the whitened residuals of the seen poses.
+    pub misfit: f64,
+}
+
+/// An effect to fit: place of its signature in the evidence, and the amplitude to begin with.
+pub(super) type Start = (usize, f64);
+
+/// The moduli and the amplitude of an effect that make residuals (mm) of all poses least, as far as
+/// they are linear in them.
+pub(super) fn linear(
+    evidence: &Evidence,
+    whitener: &Whitener,
+    seen: &[usize],
+    residual: &DVector<f64>,
+    effect: Option<usize>,
+) -> Fitted {
+    let nodes = evidence.nodes();
+    let whitened = |v: &DVector<f64>| whitener.whiten(&observe::part(v, seen, nodes));
+    let signature = effect.map(|k| &evidence.signatures[k]);
+    let mut all: Vec<&DVector<f64>> = evidence.by_moduli.iter().collect();
+    all.extend(signature.map(|(_, s)| s));
+    let columns: Vec<DVector<f64>> = all.iter().map(|v| whitened(v)).collect();
+    let jacobian = DMatrix::from_columns(&columns);
+    let mut rest = residual.clone();
+    let (mut amplitude, mut amplitude_sd) = (0.0, f64::NAN);
+    let mut at = least_squares(&jacobian, &whitened(&rest));
+    if let (Some((effect, signature)), Some(found)) = (signature, &at) {
+        let [least, greatest] = effect.amplitude.range;
+        amplitude = found[2].clamp(least, greatest);
+        amplitude_sd = deviation(&jacobian);
+        rest += amplitude * signature;
+        at = least_squares(&DMatrix::from_columns(&columns[..2]), &whitened(&rest));
+    }
+    let mut moduli = evidence.moduli;
+    if let Some(at) = at {
+        rest += at[0] * &evidence.by_moduli[0] + at[1] * &evidence.by_moduli[1];
+        moduli.right_kpa *= at[0].exp();
+        moduli.left_kpa *= at[1].exp();
+    }
+    Fitted {
+        misfit: whitened(&rest).norm_squared(),
+        residual: rest,
+        moduli,
+        amplitude,
+        amplitude_sd,
+    }
 }
 
 /// A plan with an effect on top.
@@ -52,32 +96,29 @@ pub(super) fn with_effect(plan: &ModelPlan, effect: &Effect, amplitude: f64) -> 
 }
 
 impl Refit<'_> {
-    /// Fits the moduli, and the amplitude of `effect` from `amplitude` on, whose signature (mm per
-    /// unit of amplitude) is known.
-    ///
-    /// # Errors
-    /// [`Failure::Numerics`] when the first evaluation has no equilibrium.
-    pub fn run(&self, effect: Option<(&Effect, f64, &DVector<f64>)>) -> Result<Refitted, Failure> {
-        let mut columns: Vec<DVector<f64>> =
-            self.by_moduli.iter().map(|v| self.whitener.whiten(v)).collect();
-        if let Some((_, _, signature)) = effect {
-            columns.push(self.whitener.whiten(signature));
-        }
+    /// Fits the moduli, and the amplitude of an effect.
+    pub fn run(&self, effect: Option<Start>) -> (Fitted, Fit) {
+        let Evidence { by_moduli, signatures, .. } = self.evidence;
+        let mut columns: Vec<DVector<f64>> = by_moduli.iter().map(|v| self.whitened(v)).collect();
+        let signature = effect.map(|(k, _)| &signatures[k]);
+        columns.extend(signature.map(|(_, s)| self.whitened(s)));
+        let (effect, mut first) =
+            (signature.map(|(e, _)| *e), effect.map(|(_, amplitude)| amplitude));
         let mut jacobian = DMatrix::from_columns(&columns);
         // Unknowns: logarithms of both moduli over the start, amplitude.
         let mut at = DVector::zeros(columns.len());
-        let mut best = Refitted {
-            fit: self.start.clone(),
+        let mut fit = self.start.clone();
+        let all = observe::residual(&fit);
+        let mut residual = self.whitened(&all);
+        let mut best = Fitted {
+            residual: all,
+            moduli: fit.moduli,
             amplitude: 0.0,
-            misfit: 0.0,
-            evaluations: 0,
             amplitude_sd: f64::NAN,
+            misfit: residual.norm_squared(),
         };
-        let mut residual = self.residual(&best.fit);
-        best.misfit = residual.norm_squared();
         let mut damping = 1.0;
-        let mut first = effect.map(|(_, amplitude, _)| amplitude);
-        while best.evaluations < MOST {
+        for _ in 0..MOST {
             let Some(step) = least_squares(&jacobian, &residual) else { break };
             let mut step: DVector<f64> = damping * step;
             if let Some(amplitude) = first.take() {
@@ -89,7 +130,7 @@ impl Refit<'_> {
                 step.rows_mut(0, 2).scale_mut(1.0 / limit);
             }
             let mut next = &at + &step;
-            if let Some((effect, ..)) = effect {
+            if let Some(effect) = effect {
                 let [least, greatest] = effect.amplitude.range;
                 next[2] = next[2].clamp(least, greatest);
             }
@@ -97,21 +138,21 @@ impl Refit<'_> {
             if step.norm() == 0.0 {
                 break;
             }
-            best.evaluations += 1;
-            let amplitude = if effect.is_some() { next[2] } else { 0.0 };
-            let Ok(fit) = self.evaluate(&next, effect.map(|(e, ..)| e), &best.fit) else {
+            let Ok(trial) = self.evaluate(&next, effect, &fit) else {
                 damping *= 0.4;
                 continue;
             };
-            let trial = self.residual(&fit);
-            let change = &trial - &residual - &jacobian * &step;
+            let all = observe::residual(&trial);
+            let there = self.whitened(&all);
+            let change = &there - &residual - &jacobian * &step;
             jacobian.ger(1.0 / step.norm_squared(), &change, &step, 1.0);
-            let misfit = trial.norm_squared();
+            let misfit = there.norm_squared();
             let gain = best.misfit - misfit;
             if gain > 0.0 {
-                let evaluations = best.evaluations;
-                best = Refitted { fit, amplitude, misfit, evaluations, amplitude_sd: f64::NAN };
-                (at, residual, damping) = (next, trial, 1.0);
+                let amplitude = if effect.is_some() { next[2] } else { 0.0 };
+                let moduli = trial.moduli;
+                best = Fitted { residual: all, moduli, amplitude, misfit, amplitude_sd: f64::NAN };
+                (fit, at, residual, damping) = (trial, next, there, 1.0);
                 if gain < ENOUGH {
                     break;
                 }
@@ -123,14 +164,13 @@ impl Refit<'_> {
             }
         }
         if effect.is_some() {
-            let covariance = (jacobian.transpose() * &jacobian).try_inverse();
-            best.amplitude_sd = covariance.map_or(f64::NAN, |c| c[(2, 2)].max(0.0).sqrt());
+            best.amplitude_sd = deviation(&jacobian);
         }
-        Ok(best)
+        (best, fit)
     }
 
-    fn residual(&self, fit: &Fit) -> DVector<f64> {
-        self.whitener.whiten(&self.frame.observe(fit).residual(self.seen))
+    fn whitened(&self, all: &DVector<f64>) -> DVector<f64> {
+        self.whitener.whiten(&observe::part(all, self.seen, self.evidence.nodes()))
     }
 
     fn evaluate(
@@ -150,6 +190,12 @@ impl Refit<'_> {
         let body = Body { plan: &plan, ..self.experiment.body.clone() };
         self.experiment.evaluate_as(&body, moduli, Some(near), &Silent, "")
     }
+}
+
+/// Standard deviation of the third unknown of whitened residuals.
+fn deviation(jacobian: &DMatrix<f64>) -> f64 {
+    let covariance = (jacobian.transpose() * jacobian).try_inverse();
+    covariance.map_or(f64::NAN, |c| c[(2, 2)].max(0.0).sqrt())
 }
 
 fn least_squares(jacobian: &DMatrix<f64>, residual: &DVector<f64>) -> Option<DVector<f64>> {

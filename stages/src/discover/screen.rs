@@ -1,7 +1,7 @@
 //! Score test: does any effect explain the residuals beyond what the moduli can?
 
 use super::budget::Whitener;
-use crate::effects::{EFFECTS, Effect};
+use crate::effects::Effect;
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -21,8 +21,8 @@ pub struct Score {
     pub effect: String,
     /// Score in standard deviations; positive: with this sign the effect explains residuals.
     pub z: f64,
-    /// Amplitude that explains most, linearly.
-    pub amplitude: f64,
+    /// Amplitude that explains most, linearly; `None` for an effect that these data could not show.
+    pub amplitude: Option<f64>,
     /// Part of the effect's signature that the moduli do not absorb.
     pub surviving: f64,
     /// Score that the largest plausible amplitude would have.
@@ -72,13 +72,14 @@ impl Screening {
             let z = allowed(effect, -unit[k].dot(&rest));
             let size = left[k].norm();
             let detectable_z = size * f64::max(-least, greatest);
+            let testable = detectable_z > limit;
             Score {
                 effect: effect.name.into(),
                 z: z.abs(),
-                amplitude: z / size.max(f64::MIN_POSITIVE),
+                amplitude: testable.then(|| z / size),
                 surviving: size / whitened[k].norm().max(f64::MIN_POSITIVE),
                 detectable_z,
-                testable: detectable_z > limit,
+                testable,
             }
         };
         Self { scores: (0..signatures.len()).map(score).collect(), limit, cosines }
@@ -89,11 +90,6 @@ impl Screening {
         let mut ranked: Vec<&Score> = self.scores.iter().collect();
         ranked.sort_by(|a, b| b.z.total_cmp(&a.z));
         ranked
-    }
-
-    /// Effects that have no signature.
-    pub fn failed(&self) -> usize {
-        EFFECTS.len() - self.scores.len()
     }
 }
 

@@ -2,15 +2,14 @@
 
 use super::{
     budget::Whitener,
-    observe::{Frame, Observed},
-    refit::Refitted,
+    evidence::Evidence,
+    observe::{leftover, part, rows},
+    refit::{Fitted, linear},
     screen::Screening,
 };
-use crate::{
-    calibrate::Fit,
-    effects::{EFFECTS, Effect},
-};
-use nalgebra::{DMatrix, DVector};
+use crate::effects::{EFFECTS, Effect};
+use mammotwin_data::Failure;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
 
 /// Kinds of answers.
@@ -94,31 +93,114 @@ const MISPLACED_MM: f64 = 4.0;
 /// Share of effects without a signature that spoils a verdict.
 const FAILED: f64 = 0.1;
 
-pub(super) struct Judge<'a> {
-    pub frame: &'a Frame,
-    pub covariance: &'a DMatrix<f64>,
-    pub screening: &'a Screening,
-    pub seen: &'a [usize],
-    pub held_out: usize,
-    pub held_out_whitener: &'a Whitener,
+/// Effects that are fitted after the screening.
+const FITTED: usize = 3;
+
+/// Weighs the evidence of a subject, with one pose held out.
+pub struct Judge<'a> {
+    evidence: &'a Evidence,
+    /// Poses that the search sees.
+    pub(super) seen: Vec<usize>,
+    held_out: usize,
+    covariance: DMatrix<f64>,
+    /// Of the seen poses.
+    pub(super) whitener: Whitener,
+    held_out_whitener: Whitener,
+    /// Smooth shapes of the seen residuals, as columns, and the factor of their covariance.
+    smooth: (DMatrix<f64>, Cholesky<f64, Dyn>),
 }
 
-impl Judge<'_> {
-    /// The verdict, and the fit with the best effect.
-    pub fn judge<'f>(
+impl<'a> Judge<'a> {
+    /// Prepares the weights of the errors.
+    ///
+    /// # Errors
+    /// [`Failure::BadInput`] when there is no such pose, or none besides it.
+    pub fn new(evidence: &'a Evidence, held_out: &str) -> Result<Self, Failure> {
+        let place = evidence.poses.iter().position(|pose| pose == held_out);
+        let seen: Vec<usize> = (0..evidence.poses.len()).filter(|p| Some(*p) != place).collect();
+        let (Some(place), false) = (place, seen.is_empty()) else {
+            return Err(Failure::BadInput(format!(
+                "discover: needs the held-out pose {held_out} and at least one more beside the \
+                 reference pose"
+            )));
+        };
+        let shapes = smooth(evidence, &seen);
+        Self::on(evidence, seen, place, shapes)
+    }
+
+    /// A judge of other evidence on the same nodes, e.g. with other errors.
+    ///
+    /// # Errors
+    /// [`Failure::Numerics`] when its errors have no covariance.
+    pub fn again<'b>(&self, evidence: &'b Evidence) -> Result<Judge<'b>, Failure> {
+        Judge::on(evidence, self.seen.clone(), self.held_out, self.smooth.0.clone())
+    }
+
+    fn on(
+        evidence: &'a Evidence,
+        seen: Vec<usize>,
+        held_out: usize,
+        smooth: DMatrix<f64>,
+    ) -> Result<Self, Failure> {
+        let Evidence { budget, reference, shapes, meshings, .. } = evidence;
+        let covariance = budget.covariance(reference, shapes, meshings);
+        let nodes = evidence.nodes();
+        let none = || Failure::Numerics("discover: errors without a covariance".into());
+        let whiten = |poses: &[usize]| Whitener::new(&covariance, poses, nodes).ok_or_else(none);
+        let rows = rows(&seen, nodes);
+        let own = covariance.select_rows(&rows).select_columns(&rows);
+        let factor = (smooth.transpose() * own * &smooth).cholesky().ok_or_else(none)?;
+        Ok(Self {
+            whitener: whiten(&seen)?,
+            held_out_whitener: whiten(&[held_out])?,
+            smooth: (smooth, factor),
+            evidence,
+            seen,
+            held_out,
+            covariance,
+        })
+    }
+
+    /// Asks of each effect whether residuals (mm, all poses) have it.
+    pub fn screen(&self, residual: &DVector<f64>) -> Screening {
+        let seen = |v: &DVector<f64>| part(v, &self.seen, self.evidence.nodes());
+        let moduli: Vec<DVector<f64>> = self.evidence.by_moduli.iter().map(seen).collect();
+        let signatures: Vec<(&'static Effect, DVector<f64>)> =
+            self.evidence.signatures.iter().map(|(effect, s)| (*effect, seen(s))).collect();
+        Screening::new(&self.whitener, &seen(residual), &moduli, &signatures)
+    }
+
+    /// The effects to fit, as places in the evidence, and their linear amplitudes.
+    pub(super) fn likely(&self, screening: &Screening) -> Vec<(usize, f64)> {
+        let signatures = &self.evidence.signatures;
+        let place = |name: &str| signatures.iter().position(|(effect, _)| effect.name == name);
+        let ranked = screening.ranked().into_iter().filter(|score| score.z > 0.0);
+        ranked.filter_map(|s| Some((place(&s.effect)?, s.amplitude?))).take(FITTED).collect()
+    }
+
+    /// The verdict on residuals (mm, all poses), as far as they are linear in moduli and amplitudes.
+    pub fn linear(&self, residual: &DVector<f64>) -> (Screening, Verdict) {
+        let fit = |effect| linear(self.evidence, &self.whitener, &self.seen, residual, effect);
+        let screening = self.screen(residual);
+        let likely = self.likely(&screening).into_iter();
+        let with: Vec<(usize, Fitted)> = likely.map(|(k, _)| (k, fit(Some(k)))).collect();
+        let verdict = self.judge(&screening, &fit(None), &with);
+        (screening, verdict)
+    }
+
+    /// The verdict. `with` are fits with an effect each, as places in the evidence.
+    pub(super) fn judge(
         &self,
-        without: &Refitted,
-        with: &'f [(&'static Effect, Refitted)],
-    ) -> (Verdict, Option<&'f Fit>) {
-        let before = self.frame.observe(&without.fit);
-        let mut fitted: Vec<(Candidate, &Fit)> = with
+        screening: &Screening,
+        without: &Fitted,
+        with: &[(usize, Fitted)],
+    ) -> Verdict {
+        let mut candidates: Vec<Candidate> = with
             .iter()
-            .map(|(effect, found)| (self.candidate(effect, found, without, &before), &found.fit))
+            .map(|(k, found)| self.candidate(self.evidence.signatures[*k].0, found, without))
             .collect();
-        fitted.sort_by(|a, b| b.0.gain.total_cmp(&a.0.gain));
-        let candidates: Vec<Candidate> = fitted.iter().map(|(c, _)| c.clone()).collect();
-        let best_fit = fitted.first().map(|(_, fit)| *fit);
-        let not_testable = self.screening.scores.iter().filter(|s| !s.testable);
+        candidates.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        let not_testable = screening.scores.iter().filter(|s| !s.testable);
         let mut verdict = Verdict {
             verdict: VerdictName::NoDiscrepancy,
             effect: None,
@@ -128,20 +210,50 @@ impl Judge<'_> {
             not_testable: not_testable.map(|s| s.effect.clone()).collect(),
             candidates,
         };
-        self.decide(&mut verdict, &before);
-        (verdict, best_fit)
+        self.decide(&mut verdict, screening, &without.residual);
+        verdict
     }
 
-    fn decide(&self, verdict: &mut Verdict, before: &Observed) {
-        let Screening { scores, limit, .. } = self.screening;
-        if self.screening.failed() as f64 > FAILED * EFFECTS.len() as f64 {
+    /// Root mean squares (mm) of a pose's residuals after its best rigid motion: before, after, and
+    /// of what errors leave when the moduli are fitted.
+    pub(super) fn rms_mm(
+        &self,
+        pose: usize,
+        before: &DVector<f64>,
+        after: &DVector<f64>,
+    ) -> [f64; 3] {
+        let (shape, nodes) = (&self.evidence.shapes[pose], self.evidence.nodes());
+        let [before, after] = [before, after].map(|all| part(all, &[pose], nodes));
+        let errors = leftover(&self.covariance_of(pose), &self.fitted(pose));
+        let floor_mm = (errors.trace() / nodes.max(1) as f64).max(0.0).sqrt();
+        [shape.without_rigid_mm(&before), shape.without_rigid_mm(&after), floor_mm]
+    }
+
+    /// Covariance (mm²) of the errors of one pose.
+    pub(super) fn covariance_of(&self, pose: usize) -> DMatrix<f64> {
+        let nodes = self.evidence.nodes();
+        let at = pose * nodes;
+        self.covariance.view((at, at), (nodes, nodes)).into_owned()
+    }
+
+    /// What is fitted to the residuals of a pose whatever the effect: rigid motion and moduli (mm).
+    pub(super) fn fitted(&self, pose: usize) -> Vec<DVector<f64>> {
+        let moduli = self.evidence.by_moduli.iter();
+        let moduli = moduli.map(|column| part(column, &[pose], self.evidence.nodes()));
+        self.evidence.shapes[pose].rigid_modes().into_iter().chain(moduli).collect()
+    }
+
+    fn decide(&self, verdict: &mut Verdict, screening: &Screening, before: &DVector<f64>) {
+        let Screening { scores, limit, .. } = screening;
+        let failed = &self.evidence.failed;
+        if failed.len() as f64 > FAILED * EFFECTS.len() as f64 {
             verdict.verdict = VerdictName::InsufficientData;
-            verdict.reason = format!("{} effects could not be computed", self.screening.failed());
+            verdict.reason = format!("the model failed with {}", failed.join(", "));
             return;
         }
-        for &p in self.seen {
-            let pose = &before.poses[p];
-            let rigid = pose.rigid_part(&before.residual(&[p]));
+        for &p in &self.seen {
+            let pose = &self.evidence.shapes[p];
+            let rigid = pose.rigid_part(&part(before, &[p], self.evidence.nodes()));
             let off = (rigid.norm_squared() / rigid.len().max(1) as f64).sqrt();
             if off > MISPLACED_MM {
                 verdict.verdict = VerdictName::MeasurementArtifact;
@@ -217,69 +329,61 @@ impl Judge<'_> {
         }
     }
 
-    fn candidate(
-        &self,
-        effect: &Effect,
-        found: &Refitted,
-        without: &Refitted,
-        before: &Observed,
-    ) -> Candidate {
-        let after = self.frame.observe(&found.fit);
-        let here = &[self.held_out][..];
-        let [residual_before, residual_after] = [before, &after].map(|o| o.residual(here));
-        let whiten = |r: &DVector<f64>| self.held_out_whitener.whiten(r);
-        let (old, new) = (whiten(&residual_before), whiten(&residual_after));
+    fn candidate(&self, effect: &Effect, found: &Fitted, without: &Fitted) -> Candidate {
+        let whiten = |all: &DVector<f64>| {
+            self.held_out_whitener.whiten(&part(all, &[self.held_out], self.evidence.nodes()))
+        };
+        let (old, new) = (whiten(&without.residual), whiten(&found.residual));
         // With independent errors of variance 1 the difference of the squares has this error.
         let error = 2.0 * (&old - &new).norm();
-        let nodes = self.frame.reference.len();
-        let at = self.held_out * nodes;
-        let own = self.covariance.view((at, at), (nodes, nodes)).into_owned();
-        let pose = &before.poses[self.held_out];
+        let [before_mm, after_mm, floor_mm] =
+            self.rms_mm(self.held_out, &without.residual, &found.residual);
         Candidate {
             effect: effect.name.into(),
             amplitude: [found.amplitude, found.amplitude_sd],
             gain: without.misfit - found.misfit,
-            moduli_kpa: [found.fit.moduli.right_kpa, found.fit.moduli.left_kpa],
+            moduli_kpa: [found.moduli.right_kpa, found.moduli.left_kpa],
             held_out: HeldOut {
-                before_mm: pose.without_rigid_mm(&residual_before),
-                after_mm: after.poses[self.held_out].without_rigid_mm(&residual_after),
-                floor_mm: pose.floor_mm(&own),
+                before_mm,
+                after_mm,
+                floor_mm,
                 z: (old.norm_squared() - new.norm_squared()) / error.max(f64::MIN_POSITIVE),
             },
-            left: self.left(&after),
+            left: self.left(&found.residual),
         }
     }
 
     /// Square of what the seen residuals have in smooth shapes, in standard deviations, and the
     /// value that errors alone exceed once in a thousand times.
-    fn left(&self, observed: &Observed) -> [f64; 2] {
-        let nodes = self.frame.reference.len();
-        let mut columns: Vec<DVector<f64>> = Vec::new();
-        for (block, &p) in self.seen.iter().enumerate() {
-            let pose = &observed.poses[p];
-            let kernel = DMatrix::from_fn(nodes, nodes, |i, j| {
-                let far = (pose.points[i] - pose.points[j]).norm_squared();
-                let facing = pose.normals[i].dot(&pose.normals[j]);
-                (-0.5 * far / SMOOTH_LENGTH_MM.powi(2)).exp() * facing
-            });
-            let eigen = kernel.symmetric_eigen();
-            let mut order: Vec<usize> = (0..nodes).collect();
-            order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-            for &k in order.iter().take(SMOOTH_SHAPES) {
-                let mut column = DVector::zeros(nodes * self.seen.len());
-                column.rows_mut(block * nodes, nodes).copy_from(&eigen.eigenvectors.column(k));
-                columns.push(column);
-            }
-        }
-        let shapes = DMatrix::from_columns(&columns);
-        let rows: Vec<usize> = self.seen.iter().flat_map(|p| p * nodes..(p + 1) * nodes).collect();
-        let covariance = self.covariance.select_rows(&rows).select_columns(&rows);
-        let small = shapes.transpose() * covariance * &shapes;
-        let parts = shapes.transpose() * observed.residual(self.seen);
-        let square = small.cholesky().map_or(f64::NAN, |f| parts.dot(&f.solve(&parts)));
+    fn left(&self, residual: &DVector<f64>) -> [f64; 2] {
+        let (shapes, factor) = &self.smooth;
+        let parts = shapes.transpose() * part(residual, &self.seen, self.evidence.nodes());
         // Quantile of chi-square (Wilson & Hilferty 1931).
-        let k = columns.len() as f64;
+        let k = shapes.ncols() as f64;
         let limit = k * (1.0 - 2.0 / (9.0 * k) + RARE * (2.0 / (9.0 * k)).sqrt()).powi(3);
-        [square, limit]
+        [parts.dot(&factor.solve(&parts)), limit]
     }
+}
+
+/// The smoothest shapes that the residuals of the seen poses may have, pose by pose, as columns.
+fn smooth(evidence: &Evidence, seen: &[usize]) -> DMatrix<f64> {
+    let nodes = evidence.nodes();
+    let mut columns: Vec<DVector<f64>> = Vec::new();
+    for (block, &p) in seen.iter().enumerate() {
+        let pose = &evidence.shapes[p];
+        let kernel = DMatrix::from_fn(nodes, nodes, |i, j| {
+            let far = (pose.points[i] - pose.points[j]).norm_squared();
+            let facing = pose.normals[i].dot(&pose.normals[j]);
+            (-0.5 * far / SMOOTH_LENGTH_MM.powi(2)).exp() * facing
+        });
+        let eigen = kernel.symmetric_eigen();
+        let mut order: Vec<usize> = (0..nodes).collect();
+        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
+        for &k in order.iter().take(SMOOTH_SHAPES) {
+            let mut column = DVector::zeros(nodes * seen.len());
+            column.rows_mut(block * nodes, nodes).copy_from(&eigen.eigenvectors.column(k));
+            columns.push(column);
+        }
+    }
+    DMatrix::from_columns(&columns)
 }

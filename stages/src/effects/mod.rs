@@ -4,15 +4,19 @@
 //! it, and small amplitudes change the model in proportion. A new effect is one file here and one
 //! line in [`EFFECTS`].
 
+mod bond_region;
 mod compressible;
 mod cranial_ligament;
 mod density;
 mod fascia_limit;
+mod friction;
 mod gland_inclusion;
+mod gravity_dir;
 mod inframammary_slack;
 mod lateral_ligament;
 mod left_right;
 mod limit_chain;
+mod skin_prestress;
 mod skin_region;
 mod skin_thickness;
 
@@ -22,7 +26,7 @@ use std::collections::BTreeMap;
 
 /// All effects, in the order in which they are listed. The study's reader knows their names as
 /// [`mammotwin_data::study::EFFECTS`]; a test keeps the two alike.
-pub const EFFECTS: [&Effect; 11] = [
+pub const EFFECTS: [&Effect; 15] = [
     &limit_chain::EFFECT,
     &fascia_limit::EFFECT,
     &cranial_ligament::EFFECT,
@@ -30,13 +34,18 @@ pub const EFFECTS: [&Effect; 11] = [
     &inframammary_slack::EFFECT,
     &skin_region::EFFECT,
     &skin_thickness::EFFECT,
+    &skin_prestress::EFFECT,
     &gland_inclusion::EFFECT,
     &compressible::EFFECT,
+    &friction::EFFECT,
+    &bond_region::EFFECT,
     &left_right::EFFECT,
+    &gravity_dir::EFFECT,
     &density::EFFECT,
 ];
 
 /// A physical effect: what it is to people, and what it does to a model.
+#[derive(Debug)]
 pub struct Effect {
     /// Word in study files.
     pub name: &'static str,

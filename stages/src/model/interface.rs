@@ -4,7 +4,7 @@ use super::{Body, ligaments::region};
 use mammotwin_data::{
     Vec3,
     mesh::Patch,
-    study::{InterfaceKind, InterfaceRegion, RegionPlan},
+    study::{InterfaceKind, InterfacePlan, InterfaceRegion, RegionPlan},
 };
 use mammotwin_solver::{
     model::{Model, ModelError},
@@ -16,8 +16,13 @@ use std::collections::BTreeMap;
 ///
 /// # Errors
 /// A coefficient of friction without meaning.
-pub(super) fn support(body: &Body, model: &mut Model, rest: &[Vec3]) -> Result<(), ModelError> {
-    let (plan, reference) = (&body.plan.interface, &body.mesh.points);
+pub(super) fn support(
+    body: &Body,
+    plan: &InterfacePlan,
+    model: &mut Model,
+    rest: &[Vec3],
+) -> Result<(), ModelError> {
+    let reference = &body.mesh.points;
     let faces = body.mesh.patch(Patch::ChestWall);
     // Regions without a plan of their own are one with what lies outside.
     let own = |node: u32| -> Option<InterfaceRegion> {

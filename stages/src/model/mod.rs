@@ -98,23 +98,27 @@ impl<'a> Body<'a> {
     ) -> Result<Model, Failure> {
         let plan = self.plan;
         let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("model: {cause}"));
-        let recipe = Recipe::new(self.mesh, self.anatomy, plan, rest, moduli, law)?;
+        let recipe = Recipe::new(self.mesh, self.anatomy, plan, rest, moduli, gravity, law)?;
         let mesh = TetMesh { points: rest.to_vec(), ..self.mesh.clone() };
         let mut model = Model::new(&mesh);
         let laws = recipe.laws().map_err(|c| refuse(&c))?;
         let breast = Bulk::new("breast", &mesh, laws).map_err(|c| refuse(&c))?;
         model.add(breast).map_err(|c| refuse(&c))?;
-        for (name, sheet, patch) in
-            [("skin", &recipe.skin, Patch::Skin), ("fascia", &recipe.fascia, Patch::ChestWall)]
-        {
+        // Smaller at rest everywhere: stretched by the same ratio.
+        let skin_rest: Vec<Vec3> = rest.iter().map(|p| p / recipe.skin_stretch).collect();
+        for (name, sheet, patch, rest) in [
+            ("skin", &recipe.skin, Patch::Skin, &skin_rest[..]),
+            ("fascia", &recipe.fascia, Patch::ChestWall, rest),
+        ] {
             let (laws, thickness) = recipe::of_sheet(sheet).map_err(|c| refuse(&c))?;
             let faces = self.mesh.patch(patch);
             let membrane =
                 Membrane::new(name, rest, faces, &thickness, &laws).map_err(|c| refuse(&c))?;
             model.add(membrane).map_err(|c| refuse(&c))?;
         }
-        if gravity != Vec3::zeros() {
-            let weight = Gravity::new("gravity", &mesh, recipe.density_g_per_cm3, gravity);
+        if recipe.gravity != Vec3::zeros() {
+            let density = recipe.density_g_per_cm3;
+            let weight = Gravity::new("gravity", &mesh, density, recipe.gravity);
             model.add(weight).map_err(|c| refuse(&c))?;
         }
         self.support(&mut model, rest, &recipe)?;
@@ -124,7 +128,7 @@ impl<'a> Body<'a> {
     /// Chest wall, ligaments and cut edges (Mîra 2018, § 3.4).
     fn support(&self, model: &mut Model, rest: &[Vec3], recipe: &Recipe) -> Result<(), Failure> {
         let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("model: {cause}"));
-        interface::support(self, model, rest).map_err(|c| refuse(&c))?;
+        interface::support(self, &recipe.interface, model, rest).map_err(|c| refuse(&c))?;
         let young_kpa = self.plan.ligaments.young_kpa;
         let sides = lateral_cables(self.mesh, rest);
         let sides = sides.iter().map(|cable| recipe::tied(cable, young_kpa, 0.0)).collect();

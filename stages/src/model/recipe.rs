@@ -9,7 +9,7 @@ use mammotwin_data::{
     Failure, Vec3,
     labels::{Side, Tissue},
     mesh::{Patch, TetMesh},
-    study::{LawConstants, LawName, LayerPlan, ModelPlan},
+    study::{InterfacePlan, LawConstants, LawName, LayerPlan, ModelPlan},
 };
 use mammotwin_solver::{
     materials::{Law, LawError},
@@ -85,11 +85,17 @@ pub struct Recipe {
     pub tethers: Vec<Tether>,
     /// Mass density (g/cm³).
     pub density_g_per_cm3: f64,
+    /// Unit vector of gravity in the reference pose's frame, or zero.
+    pub gravity: Vec3,
+    /// Stretch of the skin in the stress-free shape of the whole: 1 where it is at rest too.
+    pub skin_stretch: f64,
+    /// What happens between breast and muscle.
+    pub interface: InterfacePlan,
 }
 
 impl Recipe {
     /// The recipe of a body with its effects. Regions are those of the reference pose (the points
-    /// of `mesh`); tethers are just taut in the stress-free shape `rest`.
+    /// of `mesh`); tethers are just taut in the stress-free shape `rest`. `gravity` is a unit vector.
     ///
     /// # Errors
     /// An unknown ligament or effect.
@@ -99,6 +105,7 @@ impl Recipe {
         plan: &ModelPlan,
         rest: &[Vec3],
         moduli: Moduli,
+        gravity: Vec3,
         law: Option<LawOverride>,
     ) -> Result<Self, Failure> {
         let breast = law.unwrap_or(LawOverride {
@@ -146,6 +153,9 @@ impl Recipe {
             fascia: sheet(&plan.fascia, Patch::ChestWall),
             tethers: cables(mesh, rest, anatomy, &names).into_iter().map(tether).collect(),
             density_g_per_cm3: plan.density_g_per_cm3,
+            gravity,
+            skin_stretch: 1.0,
+            interface: plan.interface.clone(),
         };
         effects::apply(&mut recipe, &plan.effects, &Scene { mesh, anatomy })?;
         Ok(recipe)

@@ -1,5 +1,6 @@
 //! Charts as SVG.
 
+use super::html::{escaped, significant};
 use plotters::prelude::*;
 
 /// Quantities over one axis.
@@ -95,13 +96,44 @@ pub fn lines(chart: &Chart) -> String {
         Axis::Falling => [x[1], x[0]],
     };
     let mut svg = String::new();
-    draw_lines(&mut svg, chart, x, y).expect("drawing into memory does not fail");
-    svg
+    let hits = draw_lines(&mut svg, chart, x, y).expect("drawing into memory does not fail");
+    with_hits(svg, chart, &hits)
 }
 
-type Drawn<'a> = Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
+/// A drawn point: its pixel, and what it says.
+struct Hit {
+    at: (i32, i32),
+    name: String,
+    point: (f64, f64),
+}
 
-fn draw_lines<'a>(svg: &'a mut String, chart: &Chart, x: [f64; 2], y: [f64; 2]) -> Drawn<'a> {
+/// Adds invisible circles that say their values, for `page.js` and for readers of titles.
+fn with_hits(svg: String, chart: &Chart, hits: &[Hit]) -> String {
+    let value = |label: &str, value: f64| {
+        let (name, unit) = label.split_once(" (").unwrap_or((label, ""));
+        escaped(&format!("{name} {} {}", significant(value), unit.trim_end_matches(')')))
+    };
+    let circle = |hit: &Hit| {
+        let Hit { at: (x, y), name, point } = hit;
+        let (across, up) = (value(&chart.x_label, point.0), value(&chart.y_label, point.1));
+        let text = format!("{}: {}; {}", escaped(name), up.trim_end(), across.trim_end());
+        format!(
+            "<circle class=\"hit\" cx=\"{x}\" cy=\"{y}\" r=\"10\"><title>{text}</title></circle>"
+        )
+    };
+    let circles: String = hits.iter().map(circle).collect();
+    svg.replacen("</svg>", &format!("{circles}</svg>"), 1)
+}
+
+type Drawn<'a, T = ()> =
+    Result<T, DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
+
+fn draw_lines<'a>(
+    svg: &'a mut String,
+    chart: &Chart,
+    x: [f64; 2],
+    y: [f64; 2],
+) -> Drawn<'a, Vec<Hit>> {
     let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     let mut axes = ChartBuilder::on(&area)
         .margin(24)
@@ -138,7 +170,7 @@ fn draw_lines<'a>(svg: &'a mut String, chart: &Chart, x: [f64; 2], y: [f64; 2]) 
     }
     if chart.lines.len() + chart.marks.len() > 1 {
         axes.configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
+            .position(emptiest_corner(chart, x, y))
             .background_style(WHITE.mix(0.85))
             .border_style(GRID)
             .label_font(("sans-serif", 27, &INK))
@@ -146,7 +178,47 @@ fn draw_lines<'a>(svg: &'a mut String, chart: &Chart, x: [f64; 2], y: [f64; 2]) 
             .legend_area_size(40)
             .draw()?;
     }
-    area.present()
+    let lines = chart.lines.iter().flat_map(|line| line.points.iter().map(|&p| (&line.name, p)));
+    let marks = chart.marks.iter().map(|mark| (&mark.name, mark.point));
+    let finite = lines.chain(marks).filter(|(_, p)| p.0.is_finite() && p.1.is_finite());
+    let hit = |(name, point): (&String, (f64, f64))| Hit {
+        at: axes.backend_coord(&point),
+        name: name.clone(),
+        point,
+    };
+    let hits = finite.map(hit).collect();
+    area.present()?;
+    Ok(hits)
+}
+
+/// Part of the axes that a legend takes.
+const LEGEND: (f64, f64) = (0.35, 0.4);
+
+/// The corner where a legend hides the fewest points and pieces of lines.
+fn emptiest_corner(chart: &Chart, x: [f64; 2], y: [f64; 2]) -> SeriesLabelPosition {
+    let place = |p: &(f64, f64)| ((p.0 - x[0]) / (x[1] - x[0]), (p.1 - y[0]) / (y[1] - y[0]));
+    let mut places: Vec<(f64, f64)> = chart.marks.iter().map(|m| place(&m.point)).collect();
+    for line in &chart.lines {
+        places.extend(line.points.iter().map(place));
+        for pair in line.points.windows(2) {
+            let (a, b) = (place(&pair[0]), place(&pair[1]));
+            let between = |part: f64| (a.0 + part * (b.0 - a.0), a.1 + part * (b.1 - a.1));
+            places.extend([0.25, 0.5, 0.75].map(between));
+        }
+    }
+    let corners = [
+        (SeriesLabelPosition::UpperLeft, 0.0, 1.0),
+        (SeriesLabelPosition::UpperRight, 1.0, 1.0),
+        (SeriesLabelPosition::LowerLeft, 0.0, 0.0),
+        (SeriesLabelPosition::LowerRight, 1.0, 0.0),
+    ];
+    let hidden = |across: f64, up: f64| {
+        let inside =
+            |p: &&(f64, f64)| (p.0 - across).abs() < LEGEND.0 && (p.1 - up).abs() < LEGEND.1;
+        places.iter().filter(inside).count()
+    };
+    let best = corners.into_iter().min_by_key(|&(_, across, up)| hidden(across, up));
+    best.map_or(SeriesLabelPosition::UpperLeft, |(corner, ..)| corner)
 }
 
 /// Draws a histogram of 30 bars.
@@ -231,6 +303,25 @@ fn padded([low, high]: [f64; 2], part: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn points_say_their_values() {
+        let chart = Chart {
+            title: String::new(),
+            caption: String::new(),
+            x_label: "thickness (mm)".into(),
+            y_label: "force (N)".into(),
+            lines: vec![Line {
+                name: "a<b".into(),
+                points: vec![(50.0, 22.4312), (f64::NAN, 1.0)],
+            }],
+            marks: vec![],
+            x_axis: Axis::Falling,
+        };
+        let svg = lines(&chart);
+        assert_eq!(svg.matches("class=\"hit\"").count(), 1);
+        assert!(svg.contains("<title>a&lt;b: force 22.4 N; thickness 50 mm</title>"), "{svg}");
+    }
 
     #[test]
     fn charts_of_nothing_and_of_nan_are_drawn() {

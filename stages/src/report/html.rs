@@ -5,12 +5,15 @@ use super::{
     chart::{self, Chart, Histogram},
     palette::Palette,
     raster::Raster,
+    scene::Scene,
     slice::{OUTLINES, OverlayPicture, Plane, SlicePicture},
     surface,
 };
 use mammotwin_data::{Failure, metric::Metric};
 use minijinja::{Environment, context};
 use serde::Serialize;
+
+const TEMPLATE: &str = include_str!("template.html");
 
 /// Width (pixels) that all views of a surface fill together.
 const VIEWS_WIDTH: f64 = 920.0;
@@ -66,17 +69,36 @@ pub fn render(input: &ReportInput) -> Result<String, Failure> {
         metrics => input.metrics.iter().map(Row::new).collect::<Vec<_>>(),
         methods => input.methods,
         provenance => input.provenance,
+        scenes => scenes(&input.scenes)?,
+        viewer_js => include_str!("viewer.js"),
+        page_js => include_str!("page.js"),
+        style => include_str!("style.css"),
     };
     let mut environment = Environment::new();
     environment
-        .add_template("report.html", include_str!("template.html"))
+        .add_template("report.html", TEMPLATE)
         .and_then(|()| environment.get_template("report.html")?.render(page))
         .map_err(|cause| Failure::BadInput(format!("report: {cause:#}")))
 }
 
+/// Style sheet of the report, for the other pages.
+pub(super) fn style() -> &'static str {
+    let inside = TEMPLATE.split_once("<style>").and_then(|(_, rest)| rest.split_once("</style>"));
+    inside.map_or("", |(style, _)| style)
+}
+
+/// Scenes as JSON that may stand in a script element; `None` when there are none.
+fn scenes(scenes: &[Scene]) -> Result<Option<String>, Failure> {
+    if scenes.is_empty() {
+        return Ok(None);
+    }
+    let packed: Vec<_> = scenes.iter().map(Scene::packed).collect::<Result<_, _>>()?;
+    Ok(Some(serde_json::Value::from(packed).to_string().replace('<', "\\u003c")))
+}
+
 /// Something to look at; `body` is HTML.
 #[derive(Serialize)]
-struct Figure<'a> {
+pub(super) struct Figure<'a> {
     title: &'a str,
     caption: &'a str,
     body: String,
@@ -108,7 +130,7 @@ fn maps(surfaces: &[SurfaceMap]) -> Result<Vec<Figure<'_>>, Failure> {
 }
 
 /// Views of a surface and their scale.
-fn map(map: &SurfaceMap) -> Result<Figure<'_>, Failure> {
+pub(super) fn map(map: &SurfaceMap) -> Result<Figure<'_>, Failure> {
     let SurfaceMap { title, caption, surface, values, palette, .. } = map;
     if values.len() != surface.points.len() {
         let (values, points) = (values.len(), surface.points.len());
@@ -165,7 +187,11 @@ fn fade(overlay: &OverlayPicture) -> Figure<'_> {
         layer("fixed", &overlay.fixed),
         layer("moved", &overlay.moved),
     ];
-    let body = framed(&images.concat(), overlay.plane).replacen("cut", "cut fade", 1);
+    let body = framed(&images.concat(), overlay.plane).replacen(
+        "class=\"cut\"",
+        "class=\"cut fade\" tabindex=\"0\"",
+        1,
+    );
     Figure { title: &overlay.title, caption: "", body }
 }
 
@@ -198,7 +224,8 @@ fn legend() -> Vec<(String, &'static str)> {
     OUTLINES.iter().map(|(name, [r, g, b])| (format!("rgb({r},{g},{b})"), *name)).collect()
 }
 
-fn escaped(text: &str) -> String {
+/// Text as it is written in HTML.
+pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
@@ -207,7 +234,7 @@ fn escaped(text: &str) -> String {
 struct Row<'a> {
     name: &'a str,
     long_name: &'a str,
-    unit: &'a str,
+    unit: String,
     value: String,
     thesis: String,
     source: &'a str,
@@ -215,7 +242,8 @@ struct Row<'a> {
 
 impl<'a> Row<'a> {
     fn new(metric: &'a Metric) -> Self {
-        let Metric { name, long_name, unit, source, .. } = metric;
+        let Metric { name, long_name, source, .. } = metric;
+        let unit = metric.unit.replace("m2", "m²");
         let thesis = metric.thesis.map_or_else(|| "–".into(), significant);
         Self { name, long_name, unit, value: significant(metric.value), thesis, source }
     }
@@ -320,10 +348,13 @@ mod tests {
             ..ReportInput::default()
         };
         let page = render(&input).unwrap();
-        assert!(!page.contains("<script"));
+        assert!(page.contains("default-src 'none'"), "the browser itself refuses requests");
+        assert!(!page.contains("<script src") && !page.contains("<link"));
         assert!(page.contains("Pressure &lt;b&gt;"));
         // Addresses: data, anchors, and the name of the SVG language.
-        let outside = page.split("http").skip(1).filter(|rest| !rest.starts_with("://www.w3.org"));
+        let known = ["://www.w3.org", "-equiv=\"Content-Security-Policy\""];
+        let outside = page.split("http").skip(1);
+        let outside = outside.filter(|rest| !known.iter().any(|word| rest.starts_with(word)));
         assert_eq!(outside.count(), 0);
         assert_eq!(page.matches("data:image/png;base64,").count(), 2);
         assert!(!page.contains("id=\"calibration\""), "parts that are missing leave no heading");

@@ -5,10 +5,13 @@
 //! [`mammogram`]), so that no volume must be kept for the report.
 
 pub mod chart;
+pub mod discovery;
+pub mod group;
 mod html;
 pub mod mammogram;
 pub mod palette;
 pub mod raster;
+pub mod scene;
 pub mod slice;
 pub mod surface;
 
@@ -19,6 +22,7 @@ use chart::{Chart, Histogram};
 use mammotwin_data::{metric::Metric, surface::TriMesh};
 use palette::Palette;
 use raster::Raster;
+use scene::Scene;
 use slice::{OverlayPicture, SlicePicture};
 use surface::Camera;
 
@@ -43,6 +47,8 @@ pub struct ReportInput {
     pub validation: Option<FitReport>,
     /// The compression.
     pub compression: Option<CompressionReport>,
+    /// What can be turned about.
+    pub scenes: Vec<Scene>,
     /// Pictures of the compressed breast.
     pub mammograms: Vec<MammogramReport>,
     /// Numbers beside those of the thesis.

@@ -60,6 +60,8 @@ pub struct Settings {
     pub poses: Vec<PoseName>,
     /// Effects of the truth that the study does not have: amplitude by name.
     pub hidden: BTreeMap<String, f64>,
+    /// Whether chest wall and arms stay as they are between the poses, as no person's do.
+    pub still: bool,
     /// Folder to write to; made when missing.
     pub out_dir: PathBuf,
 }
@@ -74,6 +76,7 @@ impl Settings {
             voxel_mm: (preset == "small").then_some([1.0; 3]),
             poses: vec![PoseName::Supine, PoseName::Prone, PoseName::Tilted],
             hidden: BTreeMap::new(),
+            still: false,
             out_dir: out_dir.into(),
         }
     }
@@ -136,6 +139,7 @@ pub fn synthesize(settings: &Settings, progress: &dyn Progress) -> Result<Writte
         bodies.put_solution(pose.name(), &deformed)?;
         let shapes = truth_body.shapes(&deformed);
         let motion = Motion::drawn(&torso, pose, settings.seed);
+        let motion = if settings.still { motion.still() } else { motion };
         let to_image = |x: &Vec3| motion.to_image(&torso, &shapes.forward(x));
         let exact: Landmarks =
             Landmarks(marks.0.iter().map(|(name, x)| (name.clone(), to_image(x))).collect());

@@ -82,6 +82,13 @@ impl Motion {
         }
     }
 
+    /// The same motion of the table, but chest wall and arms stay as they are.
+    pub fn still(mut self) -> Self {
+        (self.chest.scale, self.chest.rms_mm) = (0.0, 0.0);
+        self.arms.pulls = [Vec3::zeros(); 2];
+        self
+    }
+
     /// Where soft tissue at a place of the common frame, under gravity, is in the image (mm).
     pub fn to_image(&self, torso: &Torso, p: &Vec3) -> Vec3 {
         let arms = self.arms.at(p, torso.chest_wall(p));

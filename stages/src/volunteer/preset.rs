@@ -143,10 +143,11 @@ pub struct Compression {
     pub chest_wall_distance_mm: f64,
 }
 
-const FILES: [(&str, &str); 3] = [
+const FILES: [(&str, &str); 4] = [
     ("small", include_str!("../../../data/volunteers/small.toml")),
     ("large", include_str!("../../../data/volunteers/large.toml")),
     ("tiny", include_str!("../../../data/volunteers/tiny.toml")),
+    ("sliding", include_str!("../../../data/volunteers/sliding.toml")),
 ];
 
 impl Preset {

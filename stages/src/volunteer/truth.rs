@@ -27,7 +27,7 @@ pub struct Truth {
 /// The truth of a pose.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PoseTruth {
-    /// From the image frame to the common frame; `rotation` lists the columns of the matrix.
+    /// From the image frame to the common frame.
     pub to_common: RigidTransform,
     /// Unit vector of gravity in the image frame.
     pub gravity_in_image: Vec3,

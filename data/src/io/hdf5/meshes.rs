@@ -7,13 +7,14 @@ use crate::{
     mesh::{Patch, TetMesh},
     solution::{Checks, Solution},
     surface::TriMesh,
+    units::NEWTON,
 };
 use std::collections::BTreeMap;
 
 impl Writer {
     /// Writes a tetrahedral mesh: `points`, `tets`, `tissues`, `patches/NAME`.
     pub fn put_mesh(&mut self, group: &str, mesh: &TetMesh) -> Result<(), Hdf5Error> {
-        self.put(&format!("{group}/points"), &mesh.points, "mm", "Node positions, RAS")?;
+        self.put(&format!("{group}/points"), &mesh.points, "mm", "Node positions")?;
         self.put(&format!("{group}/tets"), &mesh.tets, "1", "Node indices of the tetrahedra")?;
         let tissues: Vec<u8> = mesh.tissues.iter().map(|tissue| tissue.label()).collect();
         self.put(&format!("{group}/tissues"), &tissues, "1", "Tissue label of each tetrahedron")?;
@@ -27,27 +28,42 @@ impl Writer {
 
     /// Writes a surface: `points`, `triangles`.
     pub fn put_surface(&mut self, group: &str, surface: &TriMesh) -> Result<(), Hdf5Error> {
-        self.put(&format!("{group}/points"), &surface.points, "mm", "Vertices, RAS")?;
+        self.put(&format!("{group}/points"), &surface.points, "mm", "Vertices")?;
         let name = format!("{group}/triangles");
         self.put(&name, &surface.triangles, "1", "Vertex indices of the triangles, outward")
     }
 
-    /// Writes a solution: `points`, `pressure_kpa`, `deformation_gradient`, `cauchy_kpa`,
-    /// `forces/{names,values}`, `checks/..`.
+    /// Writes a solution: `points`, `mean_stress_kpa`, `deformation_gradient`, `cauchy_kpa`,
+    /// `forces/{names,force_mn}`, `checks/..`. It comes back bit by bit.
     pub fn put_solution(&mut self, group: &str, solution: &Solution) -> Result<(), Hdf5Error> {
+        let forces: Vec<Vec3> = solution.forces.values().copied().collect();
+        self.put_equilibrium(group, solution)?;
+        let name = format!("{group}/forces/force_mn");
+        self.put(&name, &forces, "mN", "Total force of each term on the body")
+    }
+
+    /// Writes a solution for people: as [`put_solution`](Self::put_solution) does, but with forces
+    /// in N (`forces/force_n`).
+    pub fn put_state(&mut self, group: &str, solution: &Solution) -> Result<(), Hdf5Error> {
+        let forces: Vec<Vec3> = solution.forces.values().map(|force| force / NEWTON).collect();
+        self.put_equilibrium(group, solution)?;
+        let name = format!("{group}/forces/force_n");
+        self.put(&name, &forces, "N", "Total force of each term on the body")
+    }
+
+    /// All of a solution but the values of its forces.
+    fn put_equilibrium(&mut self, group: &str, solution: &Solution) -> Result<(), Hdf5Error> {
         let at = |name: &str| format!("{group}/{name}");
-        self.put(&at("points"), &solution.points, "mm", "Current node positions, RAS")?;
-        let long_name = "Mean stress at the nodes, negative in compression";
-        self.put(&at("pressure_kpa"), &solution.pressure_kpa, "kPa", long_name)?;
+        self.put(&at("points"), &solution.points, "mm", "Current node positions")?;
+        let long_name = "Mean stress at the nodes, tr σ / 3: negative in compression";
+        self.put(&at("mean_stress_kpa"), &solution.mean_stress_kpa, "kPa", long_name)?;
         let gradient = &solution.deformation_gradient;
         let long_name = "Deformation gradient of each tetrahedron";
         self.put(&at("deformation_gradient"), gradient, "1", long_name)?;
         let long_name = "Cauchy stress of each tetrahedron";
         self.put(&at("cauchy_kpa"), &solution.cauchy_kpa, "kPa", long_name)?;
         let names: Vec<&String> = solution.forces.keys().collect();
-        let values: Vec<Vec3> = solution.forces.values().copied().collect();
         self.put_texts(&at("forces/names"), &names, "Terms of the model")?;
-        self.put(&at("forces/values"), &values, "mN", "Total force of each term on the body")?;
 
         let checks = &solution.checks;
         let iterations = checks.iterations as u64;
@@ -110,7 +126,7 @@ impl Reader {
     pub fn solution(&self, group: &str) -> Result<Solution, Hdf5Error> {
         let at = |name: &str| format!("{group}/{name}");
         let names = self.texts(&at("forces/names"))?;
-        let values: Vec<Vec3> = self.get(&at("forces/values"))?;
+        let values: Vec<Vec3> = self.get(&at("forces/force_mn"))?;
         if names.len() != values.len() {
             return Err(self.invalid(group, "forces are not one for each name"));
         }
@@ -127,7 +143,7 @@ impl Reader {
         };
         Ok(Solution {
             points: self.get(&at("points"))?,
-            pressure_kpa: self.get(&at("pressure_kpa"))?,
+            mean_stress_kpa: self.get(&at("mean_stress_kpa"))?,
             deformation_gradient: self.get(&at("deformation_gradient"))?,
             cauchy_kpa: self.get(&at("cauchy_kpa"))?,
             forces: names.into_iter().zip(values).collect(),

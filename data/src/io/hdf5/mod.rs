@@ -37,7 +37,7 @@ pub use error::Hdf5Error;
 pub use reader::Reader;
 pub use row::{Element, Row};
 pub use vtkhdf::{Field, Step};
-pub use writer::Writer;
+pub use writer::{Frame, Writer};
 
 #[cfg(test)]
 mod tests;

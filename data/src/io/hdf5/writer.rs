@@ -1,6 +1,7 @@
 //! Makes a new HDF5 file.
 
 use super::{Element, Hdf5Error, Row};
+use crate::rigid::RigidTransform;
 use ::hdf5::{
     File,
     types::{FixedAscii, VarLenUnicode},
@@ -14,6 +15,26 @@ const COMPRESS_FROM: usize = 4096;
 const CHUNK: usize = 1 << 18;
 /// Deflate level. Floating-point noise gains little from higher ones and pays for them in time.
 const DEFLATE: u8 = 2;
+
+/// Frame of the points in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Frame {
+    /// Right-anterior-superior: of the reference pose, or of a pose's own image.
+    Ras,
+    /// Of the detector: x along the chest-wall edge of the plates from the nipple, y away from the
+    /// chest wall, z from the receptor to the paddle.
+    Detector,
+}
+
+impl Frame {
+    /// Name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ras => "RAS mm",
+            Self::Detector => "detector mm",
+        }
+    }
+}
 
 /// A new file. Nothing is safe on the disk before [`Writer::finish`] returned `Ok`.
 #[derive(Debug)]
@@ -41,6 +62,27 @@ impl Writer {
         let closed = self.file.close();
         flushed.map_err(closing)?;
         closed.map_err(closing)
+    }
+
+    /// Says in which frame the points of this file are (attribute `coordinate_system`).
+    pub fn frame(&mut self, frame: Frame) -> Result<(), Hdf5Error> {
+        self.attribute("/", "coordinate_system", frame.name())
+    }
+
+    /// Writes a rigid motion: `rotation` row by row, and `translation_mm`.
+    pub fn put_motion(
+        &mut self,
+        group: &str,
+        motion: &RigidTransform,
+        long_name: &str,
+    ) -> Result<(), Hdf5Error> {
+        let rotation = motion.rotation.transpose();
+        let name = format!("{group}/rotation");
+        self.put_array(&name, &[3, 3], rotation.as_slice(), "1", "Rotation, row by row")?;
+        let name = format!("{group}/translation_mm");
+        let after = "Translation, after the rotation";
+        self.put(&name, motion.translation.as_slice(), "mm", after)?;
+        self.attribute(group, "long_name", long_name)
     }
 
     /// Writes rows as a dataset of shape `(n, ..)`. `name` is a path; its groups are made.

@@ -1,0 +1,219 @@
+//! What a participant's run made, under the names of BIDS derivatives.
+
+use mammotwin_data::{
+    Failure, Mat3, Vec3, io::hdf5::Reader, labels::Tissue, rigid::RigidTransform,
+};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+/// Version of BIDS that the names follow.
+const BIDS_VERSION: &str = "1.10.0";
+
+/// One column of the table of metrics.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Column {
+    /// Machine name with its unit.
+    #[serde(skip)]
+    pub name: String,
+    /// What it says.
+    #[serde(rename = "LongName")]
+    pub long_name: String,
+    /// Its unit; `1` for a pure number.
+    #[serde(rename = "Units")]
+    pub units: String,
+    /// Where it comes from.
+    #[serde(rename = "Description")]
+    pub source: String,
+}
+
+/// How the run of a participant ended.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+pub enum Status {
+    /// All derivatives are there.
+    Done,
+    /// There are none, or those of an earlier run.
+    Failed {
+        /// Why.
+        message: String,
+    },
+}
+
+/// Folder of a participant.
+pub fn folder(out: &Path, label: &str) -> PathBuf {
+    out.join(format!("sub-{label}"))
+}
+
+/// Path of a file of a participant: `sub-01/sub-01_SUFFIX`.
+pub fn file(out: &Path, label: &str, suffix: &str) -> PathBuf {
+    folder(out, label).join(format!("sub-{label}_{suffix}"))
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    let done = path.parent().map_or(Ok(()), fs::create_dir_all);
+    done.and_then(|()| fs::write(path, text)).map_err(|cause| Failure::io(path, cause))
+}
+
+fn copy(from: &Path, to: &Path) -> Result<(), Failure> {
+    let done = to.parent().map_or(Ok(()), fs::create_dir_all);
+    done.and_then(|()| fs::copy(from, to)).map(|_| ()).map_err(|cause| Failure::io(to, cause))
+}
+
+/// Writes what says that the folder holds derivatives.
+pub fn describe(out: &Path) -> Result<(), Failure> {
+    let version = env!("CARGO_PKG_VERSION");
+    let description = json!({
+        "Name": "mammotwin: biomechanical breast models and mammography metrics",
+        "BIDSVersion": BIDS_VERSION,
+        "DatasetType": "derivative",
+        "GeneratedBy": [{ "Name": "mammotwin", "Version": version }],
+        "HowToAcknowledge": "Cite the works that the methods in the report of each participant name.",
+    });
+    write(&out.join("dataset_description.json"), &format!("{description:#}\n"))?;
+    let ignored =
+        "work/\n*.html\n*_results.h5\n*_mammogram.*\n*_metrics.*\n*_status.json\n*_xfm.txt\n";
+    write(&out.join(".bidsignore"), ignored)?;
+    let mut labels = String::from("index\tname\n");
+    for tissue in Tissue::ALL {
+        let name = serde_json::to_value(tissue).ok();
+        let name = name.as_ref().and_then(|name| name.as_str()).unwrap_or_default();
+        labels += &format!("{}\t{name}\n", tissue.label());
+    }
+    write(&out.join("desc-tissues_dseg.tsv"), &labels)
+}
+
+/// Notes how a run ended.
+pub fn note(out: &Path, label: &str, status: &Status) -> Result<(), Failure> {
+    let path = file(out, label, "status.json");
+    let text = serde_json::to_string_pretty(status).map_err(|cause| Failure::io(&path, cause))?;
+    write(&path, &format!("{text}\n"))
+}
+
+/// Brings the results of a run folder under their names.
+pub fn publish(run: &Path, out: &Path, label: &str) -> Result<(), Failure> {
+    let results = run.join("results.h5");
+    let read = Reader::open(&results)?;
+    let poses = read.names("poses")?;
+    let role = |pose: &String| read.text(&format!("poses/{pose}/role"));
+    let mut reference = String::new();
+    for pose in &poses {
+        if role(pose)? == "reference" {
+            reference.clone_from(pose);
+        }
+    }
+    let anat = |name: &str| folder(out, label).join("anat").join(format!("sub-{label}_{name}"));
+    for pose in &poses {
+        let labels = run.join("labels").join(format!("{pose}.nii.gz"));
+        if labels.exists() {
+            copy(&labels, &anat(&format!("acq-{pose}_desc-tissues_dseg.nii.gz")))?;
+        }
+        if *pose == reference {
+            continue;
+        }
+        let group = format!("poses/{pose}/to_reference");
+        let rotation: Vec<[f64; 3]> = read.get(&format!("{group}/rotation"))?;
+        let shift: Vec<f64> = read.get(&format!("{group}/translation_mm"))?;
+        let ([a, b, c], [x, y, z]) = (&rotation[..], &shift[..]) else {
+            return Err(Failure::BadInput(format!("{}: {group}: damaged", results.display())));
+        };
+        let rotation = Mat3::from_row_slice(&[*a, *b, *c].concat());
+        let motion = RigidTransform { rotation, translation: Vec3::new(*x, *y, *z) };
+        let name = format!("from-{pose}_to-{reference}_mode-image_xfm.txt");
+        write(&anat(&name), &itk(&motion.inverse()))?;
+    }
+    let pictures = run.join("images");
+    if let Ok(entries) = fs::read_dir(&pictures) {
+        for entry in entries.flatten() {
+            let name = entry.file_name().to_string_lossy().replace('_', "");
+            let name = name.replacen("calcifications", "desc-calcifications", 1);
+            let name = name.replace(".png", "_mammogram.png").replace(".tiff", "_mammogram.tiff");
+            copy(&entry.path(), &file(out, label, &name))?;
+        }
+    }
+    copy(&results, &file(out, label, "desc-mammotwin_results.h5"))?;
+    copy(&run.join("report.html"), &out.join(format!("sub-{label}.html")))?;
+    let (columns, values) = metrics(&read)?;
+    let head: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
+    let row: Vec<String> = values.iter().map(f64::to_string).collect();
+    let table = format!("participant_id\t{}\nsub-{label}\t{}\n", head.join("\t"), row.join("\t"));
+    write(&file(out, label, "desc-mammotwin_metrics.tsv"), &table)?;
+    let path = file(out, label, "desc-mammotwin_metrics.json");
+    write(&path, &dictionary(&columns))
+}
+
+/// The JSON that tells what the columns of a table are.
+pub fn dictionary(columns: &[Column]) -> String {
+    let mut all = serde_json::Map::new();
+    for column in columns {
+        all.insert(column.name.clone(), json!(column));
+    }
+    format!("{:#}\n", serde_json::Value::from(all))
+}
+
+/// An ITK transform: what brings points of the fixed image (LPS mm) to the moving one.
+fn itk(motion: &RigidTransform) -> String {
+    let flip = Mat3::from_diagonal(&Vec3::new(-1.0, -1.0, 1.0));
+    let (turn, shift) = (flip * motion.rotation * flip, flip * motion.translation);
+    // Rows of the matrix, which are the columns of its transpose.
+    let numbers: Vec<String> =
+        turn.transpose().iter().chain(shift.iter()).map(f64::to_string).collect();
+    format!(
+        "#Insight Transform File V1.0\n#Transform 0\nTransform: AffineTransform_double_3_3\n\
+         Parameters: {}\nFixedParameters: 0 0 0\n",
+        numbers.join(" ")
+    )
+}
+
+/// The metrics of a `results.h5`: moduli, distances of the poses, and those of the report.
+fn metrics(read: &Reader) -> Result<(Vec<Column>, Vec<f64>), Failure> {
+    let (mut columns, mut values) = (Vec::new(), Vec::new());
+    let mut add = |name: String, long_name: String, units: &str, source: &str, value: f64| {
+        let (units, source) = (units.into(), source.into());
+        columns.push(Column { name, long_name, units, source });
+        values.push(value);
+    };
+    for side in ["right", "left"] {
+        let value = read.scalar(&format!("calibration/after/young_{side}_kpa"))?;
+        let long_name = format!("Young's modulus of the {side} breast");
+        add(format!("young_{side}_kpa"), long_name, "kPa", "calibration", value);
+    }
+    for pose in read.names("poses")? {
+        let name = format!("poses/{pose}/after/modified_hausdorff_mm");
+        if read.has(&name) {
+            let value = read.scalar(&name)?;
+            let long_name = format!("Modified Hausdorff distance of the skin, {pose}");
+            let name = format!("{pose}_modified_hausdorff_mm");
+            add(name, long_name, "mm", "Mîra 2018, eq. A.7", value);
+        }
+    }
+    let [names, long, units, sources] =
+        ["name", "long_name", "unit", "source"].map(|name| read.texts(&format!("metrics/{name}")));
+    let numbers: Vec<f64> = read.get("metrics/value")?;
+    let rows = names?.into_iter().zip(long?).zip(units?.into_iter().zip(sources?)).zip(numbers);
+    for (((name, long_name), (units, source)), value) in rows {
+        add(name, long_name, &units, &source, value);
+    }
+    Ok((columns, values))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_itk_transform_is_in_lps_and_row_by_row() {
+        // A quarter turn about x: y goes to z.
+        let rotation = Mat3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0);
+        let text = itk(&RigidTransform { rotation, translation: Vec3::new(1.0, 2.0, 3.0) });
+        let line = text.lines().find(|line| line.starts_with("Parameters")).unwrap();
+        // In LPS y has the other sign, so that the turn runs the other way.
+        let numbers: Vec<f64> =
+            line["Parameters: ".len()..].split(' ').map(|n| n.parse().unwrap()).collect();
+        let want = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0, -1.0, -2.0, 3.0];
+        assert_eq!(numbers, want);
+    }
+}

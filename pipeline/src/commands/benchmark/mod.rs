@@ -1,0 +1,214 @@
+//! `mammotwin study discovery`: how often `discover` names what was hidden.
+//!
+//! Volunteers with and without hidden effects are made once and kept; a run that was cut short goes
+//! on where it ended. What is hidden lies in each volunteer's `truth` folder and in the plan here; the
+//! search reads neither.
+
+mod case;
+mod page;
+mod tally;
+
+use crate::{cli::BenchmarkArguments, display::Task};
+use case::{Case, Kind};
+use mammotwin_data::{Failure, progress::Progress};
+use mammotwin_stages::{
+    discover::{Evidence, Judge, RigidError, Score, Screening, Verdict, trial::Errors},
+    effects::Effect,
+    volunteer::PoseName,
+};
+use nalgebra::DVector;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use std::{
+    fs,
+    path::Path,
+    time::{Duration, Instant},
+};
+use tally::{Tier, Trial};
+
+/// The pose that no search sees.
+const HELD_OUT: PoseName = PoseName::Tilted;
+/// Severities of the tables (standard deviations, after the moduli took what they can).
+const SIGMAS: [f64; 3] = [2.0, 5.0, 10.0];
+/// What registration leaves: measured on volunteers.
+const RIGID: RigidError = RigidError { shift_mm: 0.35, turn: 0.0025 };
+/// Times the noise of the budget, draw after draw, where nothing is hidden.
+const NULL_NOISE: [f64; 3] = [0.7, 1.0, 1.5];
+
+/// Makes what is missing, tries all verdicts, and writes `trials.csv`, `discovery-benchmark.md` and
+/// `detection.svg`.
+pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
+    if arguments.seeds.is_empty() || arguments.draws == 0 {
+        return Err(Failure::Usage(
+            "give at least one of --seeds, and --draws of 1 or more".into(),
+        ));
+    }
+    if let Some(name) = arguments.effects.iter().find(|name| Effect::named(name).is_none()) {
+        return Err(Failure::Usage(format!(
+            "--effects {name}: no such effect; `mammotwin effects` lists them"
+        )));
+    }
+    let wanted = |effect: &Effect| {
+        arguments.effects.is_empty() || arguments.effects.iter().any(|name| name == effect.name)
+    };
+    let out = &arguments.out;
+    fs::create_dir_all(out).map_err(|cause| Failure::io(out, cause))?;
+    let end = arguments.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * minutes));
+    let late = || end.is_some_and(|end| Instant::now() >= end);
+    let task = Task::new("benchmark");
+    let mut results = tally::Results::default();
+    for &seed in &arguments.seeds {
+        let case = |hidden: Option<(&'static Effect, f64)>, sigma: f64, kind: Kind| Case {
+            out: out.clone(),
+            preset: arguments.preset.clone(),
+            seed,
+            hidden,
+            sigma,
+            kind,
+        };
+        task.report(0.0, &format!("seed {seed}: nothing hidden"));
+        let null = case(None, 0.0, Kind::Exact).evidence()?;
+        let (screening, _) = Judge::new(&null, HELD_OUT.name())?.linear(&null.residual);
+        results.extend(nulls(&null, seed, arguments.draws)?);
+        results.extend(decoys(&null, seed, arguments.draws)?);
+        let mut cases = Vec::new();
+        for &sigma in &arguments.sigmas {
+            let all = severities(&screening, sigma).into_iter();
+            for (effect, amplitude) in all.filter(|(effect, _)| wanted(effect)) {
+                match amplitude {
+                    Some(amplitude) => cases.push((effect, amplitude, sigma)),
+                    None => results.untestable(effect.name, sigma),
+                }
+            }
+        }
+        for (n, &(effect, amplitude, sigma)) in cases.iter().enumerate() {
+            let case = case(Some((effect, amplitude)), sigma, Kind::Exact);
+            if late() && !case.has("evidence") {
+                continue;
+            }
+            task.report(
+                n as f64 / cases.len() as f64,
+                &format!("seed {seed}: {} at {sigma} sigma", effect.name),
+            );
+            match case.evidence() {
+                Ok(evidence) => {
+                    let hidden = (effect, amplitude, sigma);
+                    results.extend(singles(&evidence, &null, seed, hidden, arguments.draws)?);
+                }
+                Err(Failure::Numerics(why)) => results.failed(effect.name, sigma, &why),
+                Err(other) => return Err(other),
+            }
+        }
+        // Through the whole image path: nothing, then the strongest case of each effect.
+        cases.sort_by(|a, b| b.2.total_cmp(&a.2));
+        let strongest = cases.iter().fold(Vec::new(), |mut kept, case| {
+            if kept.iter().all(|(effect, ..): &(&Effect, f64, f64)| effect.name != case.0.name) {
+                kept.push(*case);
+            }
+            kept
+        });
+        let scanned = [None].into_iter().chain(strongest.into_iter().map(Some));
+        for hidden in scanned.take(arguments.images) {
+            let (name, sigma) = hidden.map_or(("nothing", 0.0), |(e, _, sigma)| (e.name, sigma));
+            task.report(0.5, &format!("seed {seed}: {name} at {sigma} sigma through the images"));
+            let imaged = case(hidden.map(|(effect, a, _)| (effect, a)), sigma, Kind::Imaged);
+            if late() && !imaged.has("discover") {
+                continue;
+            }
+            match imaged.discovery() {
+                Ok(found) => {
+                    let truth = hidden.map(|(effect, amplitude, _)| (effect.name, amplitude));
+                    results.extend([Trial::new(Tier::Images, seed, truth, sigma, &found.verdict)]);
+                    results.measured(seed, &imaged.evidence()?);
+                }
+                Err(Failure::Numerics(why)) => results.failed(name, sigma, &why),
+                Err(other) => return Err(other),
+            }
+        }
+    }
+    drop(task);
+    let put = |name: &str, text: &str| -> Result<(), Failure> {
+        let path: &Path = &out.join(name);
+        fs::write(path, text).map_err(|cause| Failure::io(path, cause))
+    };
+    let page = page::markdown(&results, arguments);
+    put("trials.csv", &page::csv(&results))?;
+    put("detection.svg", &page::chart(&results))?;
+    put("discovery-benchmark.md", &page)?;
+    println!("{page}");
+    Ok(())
+}
+
+/// The amplitude of each effect that has a severity; `None` when no plausible one has.
+fn severities(screening: &Screening, sigma: f64) -> Vec<(&'static Effect, Option<f64>)> {
+    let one = |score: &Score| {
+        let effect = Effect::named(&score.effect)?;
+        let [least, greatest] = effect.amplitude.range;
+        let amplitude = sigma * f64::max(-least, greatest) / score.detectable_z;
+        Some((effect, (amplitude <= greatest).then_some(amplitude)))
+    };
+    screening.scores.iter().filter_map(one).collect()
+}
+
+/// Verdicts on evidence with drawn errors. Each draw has its own seed.
+fn tried(
+    evidence: &Evidence,
+    draws: usize,
+    seed: u64,
+    errors: impl Fn(usize, &mut ChaCha8Rng) -> DVector<f64> + Sync,
+) -> Result<Vec<Verdict>, Failure> {
+    let judge = Judge::new(evidence, HELD_OUT.name())?;
+    (0..draws)
+        .into_par_iter()
+        .map(|draw| {
+            let mut random = ChaCha8Rng::seed_from_u64(seed << 20 ^ draw as u64);
+            let noisy = evidence.with_errors(&errors(draw, &mut random));
+            Ok(judge.again(&noisy)?.linear(&noisy.residual).1)
+        })
+        .collect()
+}
+
+fn nulls(null: &Evidence, seed: u64, draws: usize) -> Result<Vec<Trial>, Failure> {
+    let errors = Errors::new(null, &null.budget, RIGID)?;
+    let verdicts = tried(null, 2 * draws, seed, |draw, random| {
+        NULL_NOISE[draw % NULL_NOISE.len()] * errors.draw(random)
+    })?;
+    Ok(verdicts.iter().map(|v| Trial::new(Tier::Null, seed, None, 0.0, v)).collect())
+}
+
+/// What must not be called physics: rigid errors three times as large, surfaces half a voxel off,
+/// noise half as large again.
+fn decoys(null: &Evidence, seed: u64, draws: usize) -> Result<Vec<Trial>, Failure> {
+    let rigid = RigidError { shift_mm: 3.0 * RIGID.shift_mm, turn: 3.0 * RIGID.turn };
+    let plain = Errors::new(null, &null.budget, RIGID)?;
+    let moved = Errors::new(null, &null.budget, rigid)?;
+    let half_voxel_mm = 0.5;
+    let verdicts = tried(null, draws, !seed & 0xffff, |draw, random| match draw % 3 {
+        0 => moved.draw(random),
+        1 => plain.draw(random) + plain.biased(half_voxel_mm, random),
+        _ => 1.5 * plain.draw(random),
+    })?;
+    Ok(verdicts.iter().map(|v| Trial::new(Tier::Decoy, seed, None, 0.0, v)).collect())
+}
+
+/// One hidden effect: with the whole library, and with a library that lacks it.
+fn singles(
+    evidence: &Evidence,
+    null: &Evidence,
+    seed: u64,
+    (effect, amplitude, sigma): (&'static Effect, f64, f64),
+    draws: usize,
+) -> Result<Vec<Trial>, Failure> {
+    let errors = Errors::new(evidence, &null.budget, RIGID)?;
+    let truth = Some((effect.name, amplitude));
+    let found = tried(evidence, draws, seed, |_, random| errors.draw(random))?;
+    let mut trials: Vec<Trial> =
+        found.iter().map(|v| Trial::new(Tier::Single, seed, truth, sigma, v)).collect();
+    if sigma > SIGMAS[0] {
+        let less = evidence.without_effect(effect.name);
+        let found = tried(&less, draws.div_ceil(2), seed, |_, random| errors.draw(random))?;
+        trials.extend(found.iter().map(|v| Trial::new(Tier::Outside, seed, truth, sigma, v)));
+    }
+    Ok(trials)
+}

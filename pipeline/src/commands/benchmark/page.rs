@@ -1,0 +1,294 @@
+//! The tables and the chart of the benchmark.
+
+use super::{
+    SIGMAS,
+    tally::{Results, Tier, Trial, median, share},
+};
+use crate::cli::BenchmarkArguments;
+use mammotwin_stages::{
+    discover::VerdictName,
+    effects::EFFECTS,
+    report::chart::{Axis, Chart, Line, lines},
+};
+use std::{collections::BTreeMap, fmt::Write};
+
+/// All verdicts, one a line.
+pub fn csv(results: &Results) -> String {
+    let mut text = String::from(
+        "tier,seed,hidden,sigma,verdict,ranked,set,weight,amplitude_over_truth,shrink\n",
+    );
+    for trial in &results.trials {
+        let number = |value: Option<f64>| value.map(|v| format!("{v:.4}")).unwrap_or_default();
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            text,
+            "{},{},{},{},{},{},{},{:.4},{},{}",
+            tier(trial.tier),
+            trial.seed,
+            trial.truth.unwrap_or_default(),
+            trial.sigma,
+            word(trial.verdict),
+            trial.ranked.join(" "),
+            trial.set.join(" "),
+            trial.weight,
+            number(trial.amplitude),
+            number(trial.shrink)
+        );
+    }
+    text
+}
+
+/// The page.
+pub fn markdown(results: &Results, arguments: &BenchmarkArguments) -> String {
+    let mut text = String::new();
+    let seeds: Vec<String> = arguments.seeds.iter().map(u64::to_string).collect();
+    let _ = writeln!(
+        text,
+        "# What `discover` finds of what was hidden\n\n\
+         Made by `mammotwin study discovery --preset {} --seeds {} --draws {} --images {}`. Each \
+         volunteer is deformed on another, finer mesh with the effect, and analysed without it; tilted \
+         is held out. Severity counts standard deviations after the moduli took what they can. In \
+         *single*, *null*, *decoy* and *outside* her labels are the true ones and errors of \
+         segmentation, registration and chest wall are drawn from the error budget; fits are linear. \
+         *Images* go through noisy voxels, segmentation and registration with a chest wall that \
+         changes; fits are nonlinear.\n",
+        arguments.preset,
+        seeds.join(","),
+        arguments.draws,
+        arguments.images
+    );
+    targets(&mut text, results);
+    singles(&mut text, results);
+    confusion(&mut text, results);
+    images(&mut text, results);
+    let _ = writeln!(text, "## Not tested\n");
+    let mut sigmas: Vec<f64> = results.untestable.iter().map(|(_, sigma)| *sigma).collect();
+    sigmas.sort_by(f64::total_cmp);
+    sigmas.dedup();
+    for sigma in sigmas {
+        let names = results.untestable.iter().filter(|(_, s)| *s == sigma);
+        let mut names: Vec<&str> = names.map(|(name, _)| name.as_str()).collect();
+        names.sort_unstable();
+        names.dedup();
+        if !names.is_empty() {
+            let _ = writeln!(text, "- no plausible amplitude has {sigma} σ: {}", names.join(", "));
+        }
+    }
+    for (effect, sigma, why) in &results.failed {
+        let _ = writeln!(text, "- {effect} at {sigma} σ: {why}");
+    }
+    text
+}
+
+fn targets(text: &mut String, results: &Results) {
+    let _ = writeln!(text, "| measure | value | aim | trials |\n|---|---|---|---|");
+    let mut line = |measure: &str, value: Option<String>, aim: &str, count: usize| {
+        let value = value.unwrap_or_else(|| "–".into());
+        let _ = writeln!(text, "| {measure} | {value} | {aim} | {count} |");
+    };
+    let null: Vec<&Trial> = results.of(Tier::Null).collect();
+    line(
+        "false alarms, nothing hidden",
+        share(&null, Trial::detected).map(percent),
+        "≤ 2.5 %",
+        null.len(),
+    );
+    let decoy: Vec<&Trial> = results.of(Tier::Decoy).collect();
+    let physics = share(&decoy, Trial::names_physics).map(percent);
+    line("physics named, decoys", physics, "≤ 5 %", decoy.len());
+    let at = |sigma: f64| -> Vec<&Trial> {
+        results.of(Tier::Single).filter(|t| t.sigma == sigma).collect()
+    };
+    let (weak, medium, strong) = (at(SIGMAS[0]), at(SIGMAS[1]), at(SIGMAS[2]));
+    line("detected, 5 σ", share(&medium, Trial::detected).map(percent), "≥ 90 %", medium.len());
+    line("detected, 10 σ", share(&strong, Trial::detected).map(percent), "≥ 99 %", strong.len());
+    let found: Vec<&Trial> =
+        medium.iter().chain(&strong).copied().filter(|t| t.detected()).collect();
+    line("best is the truth", share(&found, |t| t.within(1)).map(percent), "≥ 90 %", found.len());
+    line(
+        "truth among the best two",
+        share(&found, |t| t.within(2)).map(percent),
+        "≥ 97 %",
+        found.len(),
+    );
+    let sets: Vec<&Trial> = found.iter().copied().filter(|t| !t.set.is_empty()).collect();
+    line("set holds the truth", share(&sets, Trial::set_holds).map(percent), "≥ 97 %", sets.len());
+    let size = sets.iter().map(|t| t.set.len()).sum::<usize>() as f64 / sets.len().max(1) as f64;
+    line("mean size of the set", Some(format!("{size:.2}")), "≤ 1.6", sets.len());
+    line("confidently wrong, 2 σ", share(&weak, Trial::wrong).map(percent), "≤ 10 %", weak.len());
+    let outside: Vec<&Trial> = results.of(Tier::Outside).filter(|t| t.detected()).collect();
+    let unknown = |t: &Trial| t.verdict == VerdictName::Unknown;
+    line(
+        "outside the library: unknown",
+        share(&outside, unknown).map(percent),
+        "≥ 90 %",
+        outside.len(),
+    );
+    line(
+        "outside the library: named",
+        share(&outside, |t| t.verdict == VerdictName::Named).map(percent),
+        "≤ 5 %",
+        outside.len(),
+    );
+    for (sigma, trials, aim) in [(5, &medium, "≤ 20 %"), (10, &strong, "≤ 10 %")] {
+        let errors: Vec<f64> =
+            trials.iter().filter_map(|t| t.amplitude).map(|a| (a - 1.0).abs()).collect();
+        let count = errors.len();
+        let measure = format!("error of the linear amplitude, {sigma} σ, median");
+        line(&measure, median(errors).map(percent), aim, count);
+    }
+    let named: Vec<&Trial> = found.iter().copied().filter(|t| t.names_physics()).collect();
+    let shrinks: Vec<f64> = named.iter().filter_map(|t| t.shrink).collect();
+    let count = shrinks.len();
+    line("held-out gap closed, median", median(shrinks).map(percent), "≥ 70 %", count);
+    let error = results.calibration_error();
+    line(
+        "expected calibration error of the weight",
+        error.map(|e| format!("{e:.2}")),
+        "≤ 0.05",
+        named.len(),
+    );
+    text.push('\n');
+}
+
+fn singles(text: &mut String, results: &Results) {
+    let _ = writeln!(
+        text,
+        "## One hidden effect\n\n![Detected and named](detection.svg)\n\n\
+         | effect | σ | detected | best | best two | named | wrong | amplitude / truth | trials |\n\
+         |---|---|---|---|---|---|---|---|---|"
+    );
+    for effect in EFFECTS {
+        for sigma in results.sigmas() {
+            let cell = results.cell(Tier::Single, effect.name, sigma);
+            if cell.is_empty() {
+                continue;
+            }
+            let of = |holds: fn(&Trial) -> bool| share(&cell, holds).map_or("–".into(), percent);
+            let amplitude = median(cell.iter().filter_map(|t| t.amplitude).collect());
+            let _ = writeln!(
+                text,
+                "| {} | {sigma} | {} | {} | {} | {} | {} | {} | {} |",
+                effect.name,
+                of(Trial::detected),
+                of(|t| t.within(1)),
+                of(|t| t.within(2)),
+                of(Trial::names_physics),
+                of(Trial::wrong),
+                amplitude.map_or("–".into(), |a| format!("{a:.2}")),
+                cell.len()
+            );
+        }
+    }
+    text.push('\n');
+}
+
+/// Of each hidden effect at 5 and 10 σ: what was said.
+fn confusion(text: &mut String, results: &Results) {
+    let mut said: BTreeMap<&str, BTreeMap<String, usize>> = BTreeMap::new();
+    let shown = |t: &&Trial| t.sigma >= SIGMAS[1] || t.tier != Tier::Single;
+    for trial in results.trials.iter().filter(|t| t.tier != Tier::Outside).filter(shown) {
+        let answer = match (trial.verdict, trial.ranked.first()) {
+            (VerdictName::Named, Some(best)) => best.clone(),
+            (VerdictName::Ambiguous, _) => {
+                let mut set = trial.set.clone();
+                set.sort_unstable();
+                format!("{{{}}}", set.join(", "))
+            }
+            (verdict, _) => format!("*{}*", word(verdict).replace('_', " ")),
+        };
+        let row = trial.truth.unwrap_or(match trial.tier {
+            Tier::Decoy => "nothing, decoy",
+            _ => "nothing",
+        });
+        *said.entry(row).or_default().entry(answer).or_default() += 1;
+    }
+    let _ = writeln!(text, "## What was said\n\n| hidden (5 σ and more) | answers |\n|---|---|");
+    for (hidden, answers) in said {
+        let mut answers: Vec<(String, usize)> = answers.into_iter().collect();
+        answers.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
+        let answers: Vec<String> =
+            answers.into_iter().map(|(answer, count)| format!("{answer} {count}")).collect();
+        let _ = writeln!(text, "| {hidden} | {} |", answers.join(" · "));
+    }
+    text.push('\n');
+}
+
+fn images(text: &mut String, results: &Results) {
+    let all: Vec<&Trial> = results.of(Tier::Images).collect();
+    if all.is_empty() {
+        return;
+    }
+    let _ = writeln!(
+        text,
+        "## Through the images\n\n\
+         | seed | hidden | σ | verdict | best | set | amplitude / truth | held-out gap closed |\n\
+         |---|---|---|---|---|---|---|---|"
+    );
+    for trial in all {
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} | {} | {} | {} | {} | {} |",
+            trial.seed,
+            trial.truth.unwrap_or("nothing"),
+            trial.sigma,
+            word(trial.verdict).replace('_', " "),
+            trial.ranked.first().map_or("–", String::as_str),
+            trial.set.join(", "),
+            trial.amplitude.map_or("–".into(), |a| format!("{a:.2}")),
+            trial.shrink.map_or("–".into(), percent)
+        );
+    }
+    let whites: Vec<f64> = results.budgets.iter().map(|(_, budget)| budget.white_mm).collect();
+    if let Some(white) = median(whites) {
+        let _ = writeln!(
+            text,
+            "\nNoise of the segmentation from node to node: {white:.2} mm (median)."
+        );
+    }
+    text.push('\n');
+}
+
+/// Detection and naming over severity.
+pub fn chart(results: &Results) -> String {
+    let at = |sigma: f64, holds: fn(&Trial) -> bool| {
+        let trials: Vec<&Trial> = results.of(Tier::Single).filter(|t| t.sigma == sigma).collect();
+        share(&trials, holds).map(|part| (sigma, 100.0 * part))
+    };
+    let line = |name: &str, holds: fn(&Trial) -> bool| Line {
+        name: name.into(),
+        points: results.sigmas().into_iter().filter_map(|sigma| at(sigma, holds)).collect(),
+    };
+    lines(&Chart {
+        title: "Detected and named".into(),
+        caption: String::new(),
+        x_label: "severity (standard deviations)".into(),
+        y_label: "part of the trials (%)".into(),
+        lines: vec![
+            line("detected", Trial::detected),
+            line("best is the truth", |t| t.within(1)),
+            line("named wrongly", Trial::wrong),
+        ],
+        marks: Vec::new(),
+        x_axis: Axis::Rising,
+    })
+}
+
+fn percent(part: f64) -> String {
+    format!("{:.1} %", 100.0 * part)
+}
+
+fn tier(tier: Tier) -> &'static str {
+    match tier {
+        Tier::Null => "null",
+        Tier::Decoy => "decoy",
+        Tier::Single => "single",
+        Tier::Outside => "outside",
+        Tier::Images => "images",
+    }
+}
+
+fn word(verdict: VerdictName) -> String {
+    let value = serde_json::to_value(verdict).ok();
+    value.as_ref().and_then(|v| v.as_str()).unwrap_or_default().into()
+}

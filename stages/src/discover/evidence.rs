@@ -1,0 +1,241 @@
+//! What a verdict rests on: the residuals of the calibrated model, what moduli and effects would
+//! change about them, and the size of the errors.
+
+use super::{
+    budget::Budget,
+    observe::{Shape, differences, edges, residual, skin},
+    refit::with_effect,
+};
+use crate::{
+    calibrate::{Calibration, Experiment, Measured},
+    effects::{EFFECTS, Effect},
+    mesh::{BreastMesh, Mesh},
+    model::{Body, Moduli},
+    register::Registered,
+    surface::PoseSurfaces,
+};
+use mammotwin_data::{
+    Failure, Vec3,
+    io::hdf5,
+    labels::LabelMap,
+    progress::{Progress, Silent},
+    store::{Artifact, Stage},
+    study::{CalibratePlan, ModelPlan},
+};
+use nalgebra::DVector;
+use rayon::prelude::*;
+use serde::Serialize;
+use std::path::Path;
+
+/// Edge lengths of the other meshes, over the model's own.
+const MESHINGS: [f64; 3] = [0.8, 0.9, 1.15];
+/// Change of the logarithm of a modulus, for differences.
+const SMALL_MODULUS: f64 = 0.05;
+
+/// Residuals (mm) and their derivatives have the nodes of pose after pose, in one column.
+#[derive(Debug, Clone)]
+pub struct Evidence {
+    /// Names of the poses but the reference pose.
+    pub poses: Vec<String>,
+    /// The reference pose.
+    pub reference: Shape,
+    /// Pairs of compared nodes that are neighbours.
+    pub edges: Vec<[u32; 2]>,
+    /// The simulated poses.
+    pub shapes: Vec<Shape>,
+    /// Calibrated moduli.
+    pub moduli: Moduli,
+    /// Signed distances (mm) of simulated to measured skin with these.
+    pub residual: DVector<f64>,
+    /// Derivatives (mm) by the logarithms of the moduli, right and left.
+    pub by_moduli: [DVector<f64>; 2],
+    /// Derivatives (mm) by the amplitude, effect by effect.
+    pub signatures: Vec<(&'static Effect, DVector<f64>)>,
+    /// Effects without a signature: the model has no equilibrium with them.
+    pub failed: Vec<String>,
+    /// Differences (mm) to the same model on other meshes.
+    pub meshings: Vec<DVector<f64>>,
+    /// Sizes of the errors.
+    pub budget: Budget,
+}
+
+impl Evidence {
+    /// Number of compared nodes.
+    pub fn nodes(&self) -> usize {
+        self.reference.points.len()
+    }
+}
+
+impl Artifact for Evidence {
+    const EXTENSION: &'static str = "h5";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        let mut file = hdf5::Writer::create(path)?;
+        file.put_texts("poses", &self.poses, "poses but the reference pose")?;
+        self.reference.put(&mut file, "reference")?;
+        file.put("edges", &self.edges, "1", "neighbours among the compared nodes")?;
+        for (pose, shape) in self.poses.iter().zip(&self.shapes) {
+            shape.put(&mut file, &format!("shapes/{pose}"))?;
+        }
+        file.put_texts("failed", &self.failed, "effects without a signature")?;
+        file.put_json("moduli", &self.moduli, "calibrated moduli (kPa)")?;
+        file.put_json("budget", &self.budget, "sizes of the errors (mm)")?;
+        let mut put = |name: &str, column: &DVector<f64>, meaning: &str| {
+            file.put(name, column.as_slice(), "mm", meaning)
+        };
+        put("residual", &self.residual, "signed distance, pose after pose")?;
+        for (side, column) in ["right", "left"].iter().zip(&self.by_moduli) {
+            put(&format!("by_modulus/{side}"), column, "derivative by the logarithm")?;
+        }
+        for (effect, column) in &self.signatures {
+            put(&format!("signatures/{}", effect.name), column, "derivative by the amplitude")?;
+        }
+        for (n, column) in self.meshings.iter().enumerate() {
+            put(&format!("meshings/{n}"), column, "difference to another mesh")?;
+        }
+        Ok(file.finish()?)
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        let file = hdf5::Reader::open(path)?;
+        let column = |name: &str| Ok::<_, Failure>(DVector::from_vec(file.get::<f64>(name)?));
+        let poses = file.texts("poses")?;
+        let shapes = poses.iter().map(|pose| Shape::get(&file, &format!("shapes/{pose}")));
+        let mut signatures = Vec::new();
+        for effect in EFFECTS {
+            let name = format!("signatures/{}", effect.name);
+            if file.has(&name) {
+                signatures.push((effect, column(&name)?));
+            }
+        }
+        let mut meshings = Vec::new();
+        while file.has(&format!("meshings/{}", meshings.len())) {
+            meshings.push(column(&format!("meshings/{}", meshings.len()))?);
+        }
+        Ok(Self {
+            reference: Shape::get(&file, "reference")?,
+            edges: file.get("edges")?,
+            shapes: shapes.collect::<Result<_, _>>()?,
+            moduli: file.json("moduli")?,
+            residual: column("residual")?,
+            by_moduli: [column("by_modulus/right")?, column("by_modulus/left")?],
+            signatures,
+            failed: file.texts("failed")?,
+            meshings,
+            budget: file.json("budget")?,
+            poses,
+        })
+    }
+}
+
+/// Gathers the evidence: one evaluation a modulus, an effect and a mesh.
+#[derive(Debug, Clone, Serialize)]
+pub struct Gather {
+    /// Tissues, supports and the effects that are on already.
+    pub model: ModelPlan,
+    /// How the stress-free shape is found.
+    pub calibrate: CalibratePlan,
+    /// Edge length (mm) of the model's mesh.
+    pub size_mm: f64,
+    /// Name of the reference pose.
+    pub reference: String,
+    /// Unit vector of gravity in the reference pose.
+    pub gravity: Vec3,
+    /// Names of the other poses, in the order of the inputs.
+    pub poses: Vec<String>,
+    /// Names of the effects that are tried.
+    pub library: Vec<&'static str>,
+}
+
+/// Labels and surfaces of the reference pose, its mesh, the calibration, and for each other pose
+/// its motion and its surfaces.
+pub type Input =
+    (LabelMap, PoseSurfaces, BreastMesh, Calibration, Vec<Registered>, Vec<PoseSurfaces>);
+
+impl Gather {
+    /// What was measured in all poses.
+    pub(super) fn measured<'a>(&'a self, input: &'a Input) -> Measured<'a> {
+        let (_, reference, _, _, registered, surfaces) = input;
+        let names = self.poses.iter().map(String::as_str);
+        Measured {
+            reference: &self.reference,
+            gravity: self.gravity,
+            surfaces: reference,
+            others: names.zip(registered).zip(surfaces).map(|((n, m), s)| (n, m, s)).collect(),
+        }
+    }
+}
+
+impl Stage for Gather {
+    const NAME: &'static str = "evidence";
+    const VERSION: u32 = 1;
+    const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
+         calibrated model, with their derivatives by the moduli and by the amplitude of each effect of \
+         a library, and their differences to the same model on three other meshes.";
+    type Input = Input;
+    type Output = Evidence;
+
+    fn run(&self, input: &Input, progress: &dyn Progress) -> Result<Evidence, Failure> {
+        let (labels, _, mesh, calibration, ..) = input;
+        let measured = self.measured(input);
+        let experiment = Experiment::new(mesh, &self.model, &self.calibrate, &measured)?;
+        progress.report(0.0, "calibrated model");
+        let moduli = calibration.after.moduli;
+        let base = experiment.evaluate(moduli, Some(&calibration.after), &Silent, "")?;
+        let active = match base.poses.first() {
+            Some(pose) if !pose.active.is_empty() => &pose.active,
+            _ => return Err(Failure::BadInput("discover: no skin is compared".into())),
+        };
+        let shape = |points: &[Vec3]| Shape::of(&skin(mesh, points), active);
+        let shapes: Vec<Shape> =
+            base.poses[1..].iter().map(|pose| shape(&pose.solution.points)).collect();
+
+        let mut meshings = Vec::new();
+        for (n, part) in MESHINGS.into_iter().enumerate() {
+            progress.report(0.1 + 0.15 * n as f64, "the same model on other meshes");
+            let other = Mesh { size_mm: part * self.size_mm }.run(labels, &Silent)?;
+            let experiment = Experiment::new(&other, &self.model, &self.calibrate, &measured)?;
+            // A mesh on which the model fails tells nothing.
+            if let Ok(fit) = experiment.evaluate(moduli, None, &Silent, "") {
+                meshings.push(differences(&shapes, &fit.poses[1..], &other)?);
+            }
+        }
+
+        progress.report(0.55, "signatures of the effects");
+        let here = residual(&base);
+        let by_modulus = |[right, left]: [f64; 2]| {
+            let mut moduli = moduli;
+            moduli.right_kpa *= f64::exp(right);
+            moduli.left_kpa *= f64::exp(left);
+            let fit = experiment.evaluate(moduli, Some(&base), &Silent, "")?;
+            Ok::<_, Failure>((residual(&fit) - &here) / SMALL_MODULUS)
+        };
+        let by_moduli = [by_modulus([SMALL_MODULUS, 0.0])?, by_modulus([0.0, SMALL_MODULUS])?];
+        let signatures: Vec<(&'static Effect, DVector<f64>)> = EFFECTS
+            .into_par_iter()
+            .filter_map(|effect| {
+                let small = effect.amplitude.small;
+                let plan = with_effect(&self.model, effect, small);
+                let body = Body { plan: &plan, ..experiment.body.clone() };
+                let fit = experiment.evaluate_as(&body, moduli, Some(&base), &Silent, "");
+                Some((effect, (residual(&fit.ok()?) - &here) / small))
+            })
+            .collect();
+        let found = |effect: &&Effect| signatures.iter().any(|(e, _)| e.name == effect.name);
+        let failed = EFFECTS.into_iter().filter(|e| !found(e)).map(|e| e.name.into()).collect();
+        let edges = edges(mesh, active);
+        Ok(Evidence {
+            poses: self.poses.clone(),
+            reference: shape(&mesh.mesh.points),
+            budget: Budget::of(&edges, active.len(), &here),
+            edges,
+            shapes,
+            moduli,
+            residual: here,
+            by_moduli,
+            signatures,
+            failed,
+            meshings,
+        })
+    }
+}

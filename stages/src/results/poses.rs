@@ -1,0 +1,130 @@
+//! `/poses` and `/calibration`: how each pose lies to the reference pose, where its simulation is,
+//! and how far that is from what was measured.
+
+use crate::{
+    calibrate::{Calibration, Fit},
+    pose::PoseFit,
+    register::Registered,
+};
+use mammotwin_data::{Failure, io::hdf5::Writer, mesh::TetMesh, study::Use, units::DEGREE};
+
+/// One pose of the study.
+#[derive(Debug, Clone, Copy)]
+pub struct PoseResult<'a> {
+    /// Its motion to the reference pose; `None` for the reference pose itself.
+    pub registered: Option<&'a Registered>,
+    /// What the study uses it for.
+    pub usage: Use,
+    /// With the moduli of the study.
+    pub before: &'a PoseFit,
+    /// With the fitted moduli.
+    pub after: &'a PoseFit,
+}
+
+/// Writes `/poses/NAME`.
+pub fn put_pose(file: &mut Writer, pose: &PoseResult) -> Result<(), Failure> {
+    let fit = pose.after;
+    let group = format!("poses/{}", fit.pose);
+    let at = |name: &str| format!("{group}/{name}");
+    let role = match (pose.registered, pose.usage) {
+        (None, _) => "reference",
+        (Some(_), Use::Fit) => "fit",
+        (Some(_), Use::Validate) => "validate",
+    };
+    file.put_text(&at("role"), role, "What the study uses the pose for")?;
+    let long_name = "Direction of gravity, unit vector";
+    file.put(&at("gravity"), fit.gravity.as_slice(), "1", long_name)?;
+    file.put_state(&at("solution"), &fit.solution)?;
+    let long_name = match role {
+        "validate" => format!("{}, simulated, held out", fit.pose),
+        _ => format!("{}, simulated", fit.pose),
+    };
+    file.attribute(&group, "long_name", &long_name)?;
+    let Some(registered) = pose.registered else { return Ok(()) };
+    put_registration(file, &group, registered)?;
+    put_fit(file, &at("before"), pose.before, "With the moduli of the study")?;
+    let long_name = "Nodes of the pose with the moduli of the study";
+    file.put(&at("before/points"), &pose.before.solution.points, "mm", long_name)?;
+    put_fit(file, &at("after"), fit, "With the fitted moduli")
+}
+
+fn put_registration(
+    file: &mut Writer,
+    group: &str,
+    registered: &Registered,
+) -> Result<(), Failure> {
+    let long_name = "From the pose's own image to the reference pose";
+    file.put_motion(&format!("{group}/to_reference"), &registered.transform, long_name)?;
+    let at = |name: &str| format!("{group}/registration/{name}");
+    let start = &registered.start;
+    let long_name = "What the landmarks alone gave";
+    file.put_motion(&at("from_landmarks"), &start.transform, long_name)?;
+    let count = start.landmarks as u64;
+    file.put_scalar(&at("landmarks"), count, "1", "Landmarks that both poses have")?;
+    if let Some(rms) = start.landmark_rms_mm {
+        let long_name = "Landmarks after their own fit, root mean square";
+        file.put_scalar(&at("landmark_rms_mm"), rms, "mm", long_name)?;
+    }
+    let Some(image) = &registered.image else { return Ok(()) };
+    let (before, after) = (image.similarity_before, image.similarity_after);
+    file.put_scalar(&at("similarity_before"), before, "1", "Correlation at the start")?;
+    file.put_scalar(&at("similarity_after"), after, "1", "Correlation at the end")?;
+    if let Some(rms) = image.change_rms_mm {
+        let long_name = "Change of the chest wall's shape, root mean square";
+        file.put_scalar(&at("change_rms_mm"), rms, "mm", long_name)?;
+    }
+    let turns = image.uncertainty.rotation_rad.map(|rad| rad / DEGREE);
+    let long_name = "Standard deviation of the rotation about x, y, z";
+    file.put(&at("sd_rotation_deg"), &turns, "deg", long_name)?;
+    let long_name = "Standard deviation of the translation along x, y, z";
+    file.put(&at("sd_translation_mm"), &image.uncertainty.translation_mm, "mm", long_name)?;
+    Ok(())
+}
+
+fn put_fit(file: &mut Writer, group: &str, fit: &PoseFit, long_name: &str) -> Result<(), Failure> {
+    let at = |name: &str| format!("{group}/{name}");
+    file.put(&at("nodes"), &fit.active, "1", "Nodes of the skin that are compared")?;
+    let signed = "Signed distance of each of them to the measured skin, positive outside of it";
+    file.put(&at("signed_distance_mm"), &fit.signed_mm, "mm", signed)?;
+    let d = &fit.distances;
+    for (name, value, long_name) in [
+        ("min_mm", d.min, "Distance of the nearest node"),
+        ("max_mm", d.max, "Distance of the farthest node"),
+        ("mean_mm", d.mean, "Mean distance of the nodes"),
+        ("p95_mm", d.p95, "95 % of the nodes are nearer"),
+        ("hausdorff_mm", d.hausdorff, "Hausdorff distance"),
+        ("modified_hausdorff_mm", d.modified_hausdorff, "Modified Hausdorff distance"),
+    ] {
+        file.put_scalar(&at(name), value, "mm", long_name)?;
+    }
+    file.attribute(group, "long_name", long_name)?;
+    Ok(())
+}
+
+/// Writes `/calibration`; `rest` is the stress-free shape that belongs to the fitted moduli.
+pub fn put_calibration(
+    file: &mut Writer,
+    found: &Calibration,
+    fitted: &[String],
+    rest: &TetMesh,
+) -> Result<(), Failure> {
+    file.put_texts("calibration/fitted", fitted, "Keys of the study that were fitted")?;
+    let mut put = |when: &str, fit: &Fit, words: &str| -> Result<(), Failure> {
+        let (moduli, trip) = (fit.moduli, fit.round_trip);
+        for (name, value, units, long_name) in [
+            ("young_right_kpa", moduli.right_kpa, "kPa", "Young's modulus of the right breast"),
+            ("young_left_kpa", moduli.left_kpa, "kPa", "Young's modulus of the left breast"),
+            ("round_trip_rms_mm", trip.rms_mm, "mm", "Reference pose, loaded again: rms of nodes"),
+            ("round_trip_max_mm", trip.max_mm, "mm", "Reference pose, loaded again: farthest node"),
+            ("off_wall_max_mm", trip.off_wall_mm, "mm", "Way of sliding nodes onto the chest wall"),
+        ] {
+            file.put_scalar(&format!("calibration/{when}/{name}"), value, units, long_name)?;
+        }
+        Ok(file.attribute(&format!("calibration/{when}"), "long_name", words)?)
+    };
+    put("before", &found.before, "With the moduli of the study")?;
+    put("after", &found.after, "With the fitted moduli")?;
+    file.put_mesh("calibration/rest", rest)?;
+    file.attribute("calibration/rest", "long_name", "Stress-free shape of all poses")?;
+    Ok(())
+}
