@@ -71,20 +71,14 @@ plots.pressure_map(compression, "receptor", axes[1])
 plt.show()
 
 # %% [markdown]
-# Contact area and mean pressure of the curve count these fronts, too: the mean is the paddle's force along z over all
-# the skin that it touches. How much of that is on the front:
+# Contact area and mean pressure of the curve are those of the paddle's face, as seen along the compression; what lies on
+# its front is told apart:
 
 # %%
-skin = compression.pressure_map.moved(compression.to_detector)
-under_paddle = (skin.point_fields["contact_pressure_kpa"].values > 0) & (
-    skin.points[:, 2] > compression.thickness_mm / 2
-)
-on_front = under_paddle & (skin.points[:, 1] < 0.1)
-area_mm2 = skin.node_areas_mm2()
-print(
-    f"contact area of the paddle {area_mm2[under_paddle].sum():.0f} mm2, on its front {area_mm2[on_front].sum():.0f} mm2"
-)
-print(f"mean pressure {1000 * compression.force_n / area_mm2[under_paddle].sum():.3f} kPa")
+comfort = results.comfort
+print(f"contact area of the paddle's face {comfort['contact_area_cm2'].value:.1f} cm2, of its front ", end="")
+print(f"{comfort['front_area_cm2'].value:.1f} cm2, which pushes with {comfort['front_force_n'].value:.2f} N")
+print(f"mean pressure of the face {comfort['mean_pressure_kpa'].value:.3f} kPa")
 
 # %% [markdown]
 # ## Comfort metrics

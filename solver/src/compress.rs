@@ -241,6 +241,9 @@ impl Plates {
     }
 }
 
+/// Smallest part of the step that is tried under a paddle that gives way.
+const SMALLEST_STEP: f64 = 0.25;
+
 /// Closes the plates on the model, whose nodes begin at `start` (mm) in equilibrium or near it.
 ///
 /// # Errors
@@ -288,11 +291,22 @@ pub fn compress(
     let stops = &closing.stops;
     let goal = stops.thinnest_mm();
     let (mut stopped_early, mut met) = (None, None);
-    while met.is_none() && state.load.thickness_mm > goal {
-        let thickness = f64::max(goal, state.load.thickness_mm - closing.step_mm);
+    let mut step_mm = closing.step_mm;
+    while met.is_none() && stopped_early.is_none() && state.load.thickness_mm > goal {
+        let thickness = f64::max(goal, state.load.thickness_mm - step_mm);
         let before = state.clone();
-        if let Err(error) = press.walk(&mut state, at(thickness)) {
-            stopped_early = Some(error);
+        let failed = press.walk(&mut state, at(thickness)).err();
+        if failed.is_some() && plates.paddle.gives_way() {
+            // What was reached on the way is not in balance with the paddle.
+            state = before.clone();
+            press.forget();
+            if step_mm > SMALLEST_STEP * closing.step_mm {
+                step_mm *= 0.5;
+                continue;
+            }
+        }
+        if failed.is_some() && state.load.thickness_mm == before.load.thickness_mm {
+            stopped_early = failed;
             break;
         }
         let mut step = press.record(&state);
@@ -308,6 +322,9 @@ pub fn compress(
             met = stops.nearest(&step).map(|(rule, _)| rule);
         } else if stops.thickness_mm.is_some() && state.load.thickness_mm <= goal {
             met = Some(StopRule::Thickness);
+        }
+        if met.is_none() && failed.is_some() {
+            stopped_early = failed;
         }
         progress.report(
             fraction(closing, &step, goal),

@@ -163,6 +163,41 @@ fn the_chest_wall_has_a_contact_for_each_region() {
 }
 
 #[test]
+fn compressions_say_how_they_end_and_under_what() {
+    let stop = "stop = { thickness_mm = 46.0 }";
+    let with = |to: &str| parse(&GOOD.replacen(stop, to, 1)).unwrap().compress.unwrap();
+    let all = "stop = { thickness_mm = 46.0, force_n = 90.0, mean_pressure_kpa = 10.0, \
+               peak_pressure_kpa = 50.0 }";
+    let plan = with(all).stop;
+    assert_eq!((plan.force_n, plan.mean_pressure_kpa), (Some(90.0), Some(10.0)));
+    assert_eq!(with("stop = { mean_pressure_kpa = 10.0 }").stop.thickness_mm, None);
+    refused(stop, "stop = {}", &["compress.stop", "peak_pressure_kpa"]);
+    refused(stop, "stop = { force_n = -1.0 }", &["compress.stop.force_n"]);
+    refused(stop, "stop = { peak_pressure_kpa = nan }", &["compress.stop.peak_pressure_kpa"]);
+    refused(stop, "stop = { pressure_kpa = 1.0 }", &["compress.stop", "unknown key"]);
+
+    let rigid = "paddle = \"rigid\"";
+    for (name, table, key) in [
+        ("elastic", "plate = { thickness_mm = 0.0 }", "plate.thickness_mm"),
+        ("curved", "curve = { rise_mm = -1.0 }", "curve.rise_mm"),
+        ("tilting", "gimbal = { roll_n_mm_per_rad = 0.0 }", "gimbal.roll_n_mm_per_rad"),
+    ] {
+        refused(rigid, &format!("paddle = \"{name}\"\n{table}"), &[&format!("compress.{key}")]);
+        let (word, _) = table.split_once(' ').unwrap();
+        let on_rigid = format!("paddle = \"rigid\"\n{word} = {{}}");
+        refused(rigid, &on_rigid, &[&format!("compress.{word}"), name]);
+        let text = GOOD.replacen(rigid, &format!("paddle = \"{name}\"\n{word} = {{}}"), 1);
+        assert_eq!(parse(&text).unwrap().compress.unwrap().paddle.name(), name);
+    }
+    refused(rigid, "start_pose = \"tilted\"", &["compress.start_pose", "validate"]);
+    refused(rigid, "start_pose = \"upright\"", &["compress.start_pose", "prone"]);
+    refused("view = \"cc\"", "view_angle_deg = 45.0", &["compress.view_angle_deg", "mlo"]);
+    let oblique = GOOD.replacen("view = \"cc\"", "view = \"mlo\"", 1);
+    assert_eq!(parse(&oblique).unwrap().compress.unwrap().angle_deg(), 45.0);
+    refused("[mammogram]", "[comfort]\nmat_pitch_mm = 0.0\n[mammogram]", &["comfort.mat_pitch_mm"]);
+}
+
+#[test]
 fn numbers_that_cannot_be_meant_are_refused() {
     for number in ["nan", "inf", "-inf", "-1.0", "0.0"] {
         let with = |key: &str| format!("{key} = {number}");

@@ -177,6 +177,13 @@ fn differences_table(first: &Found, others: &[(&Way, &Found)]) -> String {
 fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
     let found: Vec<(&Way, &Found)> =
         ways.iter().filter_map(|way| Some((way, way.found.as_ref().ok()?))).collect();
+    // Courses of more than a handful of ways cannot be told apart: those of the first paddle.
+    let drawn: Vec<(&Way, &Found)> = match (study, found.first()) {
+        (ThesisStudy::Positions, Some((first, _))) => {
+            found.iter().copied().filter(|(way, _)| way.plan.paddle == first.plan.paddle).collect()
+        }
+        _ => found.clone(),
+    };
     let mut all = Vec::new();
     let mut add = |name: &str, chart: Chart| {
         let svg = lines(&chart);
@@ -188,12 +195,21 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
             let along = f.compression.curve.thickness_mm.iter().copied();
             Line { name: way.label.clone(), points: along.zip(of(f)).collect() }
         };
-        chart(title, "thickness (mm)", y, found.iter().map(line).collect(), Axis::Falling)
+        chart(title, "thickness (mm)", y, drawn.iter().map(line).collect(), Axis::Falling)
     };
     let of = |f: &Found| f.compression.curve.force_n.clone();
     add("force.svg", course("Force against thickness", "force (N)", &of));
     let of = |f: &Found| f.compression.curve.peak_pressure_kpa.clone();
     add("peak_pressure.svg", course("Largest pressure against thickness", "pressure (kPa)", &of));
+    let by_force = |(way, f): &(&Way, &Found)| {
+        let curve = &f.compression.curve;
+        let along = curve.force_n.iter().copied();
+        let points = along.zip(curve.peak_pressure_kpa.iter().copied()).collect();
+        Line { name: way.label.clone(), points }
+    };
+    let (title, pressure) = ("Largest pressure at the same force", "pressure (kPa)");
+    let all_ways = drawn.iter().map(by_force).collect();
+    add("peak_by_force.svg", chart(title, "force (N)", pressure, all_ways, Axis::Rising));
     let of = |f: &Found| f.compression.curve.mean_pressure_kpa.clone();
     let title = "Mean pressure of the paddle's face against thickness";
     add("mean_pressure.svg", course(title, "pressure (kPa)", &of));

@@ -105,9 +105,9 @@ class Compression:
         return xarray.Dataset(variables, {"thickness_mm": self.curve["thickness_mm"], "xyz": ["x", "y", "z"], "plate": ["receptor", "paddle"]})
 
     def pressure_percentile_kpa(self, percent: float) -> float:
-        """Contact pressure that `percent` of the touched skin, by area, does not exceed."""
-        skin = self.pressure_map
-        values, areas = skin.point_fields["contact_pressure_kpa"].values, skin.node_areas_mm2()
+        """Contact pressure that `percent` of the plates' touched faces, by area, does not exceed; without fronts."""
+        fields = self.state.mesh.point_fields
+        values, areas = (fields[name].values for name in ("contact_pressure_kpa", "contact_area_mm2"))
         touched = (values > 0) & (areas > 0)
         return weighted_percentile(values[touched], areas[touched], percent) if touched.any() else 0.0
 

@@ -243,7 +243,8 @@ class Results:
     @property
     def comfort(self) -> Metrics:
         """Force, contact area, pressure, percentiles of stress and strain at the end of the compression."""
-        words = ("thickness", "force", "contact", "mean_pressure", "peak_pressure", "pressure", "von_mises", "strain")
+        words = ("thickness", "nominal_thickness", "deflection", "force", "contact", "front", "face", "juxtathoracic")
+        words += ("mean_pressure", "peak_pressure", "pressure", "mat", "von_mises", "strain", "stretch")
         return self._part("comfort metrics", "comfort", *words)
 
     @property

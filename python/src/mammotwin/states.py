@@ -53,7 +53,8 @@ class State:
         """The shape in equilibrium, with all fields.
 
         At nodes: `displacement_mm` (from the stress-free shape), `mean_stress_kpa` (tr σ / 3: negative in
-        compression), `contact_pressure_kpa` when compressed (positive). In tetrahedra: `von_mises_kpa`, `volume_ratio`,
+        compression), `contact_pressure_kpa` (positive) and `contact_area_mm2` when compressed. In tetrahedra:
+        `von_mises_kpa`, `volume_ratio`,
         `principal_stretches`, `deformation_gradient`, `cauchy_kpa`.
         """
         rest, solution = self.rest, self._group.group("solution")
@@ -64,8 +65,8 @@ class State:
             "displacement_mm", points - rest.points, "mm", "Displacement from the stress-free shape", "vector"
         )
         nodal = [moved, solution.field("mean_stress_kpa")]
-        if "contact_pressure_kpa" in self._group:
-            nodal.append(self._group.field("contact_pressure_kpa"))
+        contact = ("contact_pressure_kpa", "contact_area_mm2")
+        nodal += [self._group.field(field) for field in contact if field in self._group]
         stretches = principal_stretches(gradient.values)
         cells = [
             Field("von_mises_kpa", von_mises(cauchy.values), "kPa", "Von Mises stress"),

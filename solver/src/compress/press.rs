@@ -29,7 +29,7 @@ const LARGEST_TURN: f64 = 0.05;
 const TILT_TRIALS: usize = 30;
 
 /// A pose is found when no coordinate would still change by more (mm).
-const POSE_TOLERANCE_MM: f64 = 0.01;
+const POSE_TOLERANCE_MM: f64 = 0.002;
 /// Largest change (mm) of a coordinate in one trial, and most trials.
 const LARGEST_MOVE_MM: f64 = 4.0;
 const POSE_TRIALS: usize = 40;
@@ -92,6 +92,11 @@ impl Press<'_> {
             Some(lift) if lift.coordinates() > 0 => self.settle(&*lift, state, load),
             _ => self.walk_rigid(state, load),
         }
+    }
+
+    /// Forgets what was learnt of how body and paddle give way.
+    pub fn forget(&mut self) {
+        (self.softening, self.yielding) = (None, None);
     }
 
     fn walk_rigid(&mut self, state: &mut State, load: Load) -> Result<(), SolveError> {

@@ -19,13 +19,13 @@ pub use tilting::Gimbal;
 use std::{fmt::Debug, sync::Arc};
 
 /// Most coordinates that a paddle may have.
-pub const COORDINATES: usize = 20;
+pub const COORDINATES: usize = 25;
 
 /// Where a paddle is besides its height: its coordinates, in about the millimetres that they lift
 /// its surface by.
 // The number is written out: the compiler stumbles over the named constant in closures (rustc 1.95,
 // "broken MIR", in incremental builds).
-pub type Pose = [f64; 20];
+pub type Pose = [f64; 25];
 
 /// A pose at rest.
 pub const AT_REST: Pose = [0.0; COORDINATES];
@@ -84,6 +84,11 @@ impl Paddle {
             Self::Flex(hinge) => Some(*hinge),
             Self::Rigid | Self::Lifted(_) => None,
         }
+    }
+
+    /// Whether the body moves it in more than one direction.
+    pub fn gives_way(&self) -> bool {
+        self.hinge().is_some() || self.lift().is_some_and(|lift| lift.coordinates() > 0)
     }
 
     /// What lifts the surface.

@@ -128,12 +128,10 @@ impl Plate {
         push
     }
 
-    /// How far (mm) its pose lifts a point's place on the plate.
+    /// How far (mm) bending, tilt and roll have lifted a point's place on the plate.
     pub fn deflection(&self, point: &Vec3, load: &Load) -> f64 {
-        let Some(lifted) = self.bent() else { return 0.0 };
-        let place = lifted.place(&self.shape, point);
-        let at = |pose: &Pose| lifted.lift.bend(place, pose).value;
-        at(&load.pose) - at(&AT_REST)
+        let rest = Load { tilt_rad: 0.0, pose: AT_REST, ..*load };
+        self.gap(point, load) - self.gap(point, &rest)
     }
 
     /// Distance (mm) of paddle and receptor at a point's place on the plates.

@@ -4,7 +4,7 @@ use super::plate::{Plate, PlateKind};
 use super::quadratic::{self, Rule};
 use super::{
     At, Bulk, Cable, Cables, Curvature, Gravity, Load, Membrane, Opening, QuadraticBulk,
-    QuadraticMembrane, Sliding, Slip, Term as _, target::Cylinder, testing,
+    QuadraticMembrane, Sliding, Slip, Term, target::Cylinder, testing,
 };
 use crate::materials::Law;
 use crate::mesh::quadratic::QuadraticMesh;
@@ -51,7 +51,7 @@ fn laws() -> [Law; 5] {
 }
 
 #[track_caller]
-fn check(term: &dyn super::Term, points: &[Vec3]) {
+fn check(term: &dyn Term, points: &[Vec3]) {
     let pressure = [0.3, -0.2, 0.5, 0.1, -0.4];
     let memory = term.first_memory(points, Load::GRAVITY);
     let shear_kpa = &[0.2; 5];
@@ -180,7 +180,7 @@ fn sliding() {
 /// A contact before anything is known of it, after two rounds at which nodes slip, and where they
 /// stick in the next load step.
 #[track_caller]
-fn check_contact(term: &dyn super::Term, rest: &[Vec3], load: Load) {
+fn check_contact(term: &dyn Term, rest: &[Vec3], load: Load) {
     let shear_kpa = &[0.2; 5];
     let check = |points: &[Vec3], memory: &[f64]| {
         let curvature = Curvature::Exact;
@@ -235,6 +235,15 @@ fn plate() {
     }
 }
 
+fn energy(term: &dyn Term, at: &At) -> f64 {
+    let one = |element: usize| {
+        let mut block = super::Block::ZERO;
+        term.block(element, at, super::Order::Value, &mut block).unwrap();
+        block.energy
+    };
+    (0..term.elements()).map(one).sum()
+}
+
 #[test]
 fn a_plate_that_tilts() {
     let mesh = pair();
@@ -252,18 +261,13 @@ fn a_plate_that_tilts() {
         check_contact(&plate, &mesh.points, load);
         // The torque is minus the derivative of the energy by the tilt.
         let memory = &plate.first_memory(points, load)[..];
+        let curvature = Curvature::Exact;
         let at = |change: f64| {
-            let load = Load { tilt_rad: tilt_rad + change, ..load };
-            At { points, pressure, memory, shear_kpa, load, curvature: Curvature::Exact }
+            let mut load = load;
+            load.tilt_rad += change;
+            At { points, pressure, memory, shear_kpa, load, curvature }
         };
-        let energy = |change: f64| -> f64 {
-            let one = |element: usize| {
-                let mut block = super::Block::ZERO;
-                plate.block(element, &at(change), super::Order::Value, &mut block).unwrap();
-                block.energy
-            };
-            (0..plate.elements()).map(one).sum()
-        };
+        let energy = |change: f64| energy(&plate, &at(change));
         let (torque, size) = plate.torque(&at(0.0));
         let want = -(energy(1e-5) - energy(-1e-5)) / 2e-5;
         assert!((torque - want).abs() < 1e-5 * size && size > 0.0, "{torque} for {want}");
@@ -308,14 +312,7 @@ fn a_plate_that_is_lifted() {
             load.pose[n] += change;
             At { points, pressure, memory, shear_kpa, load, curvature: Curvature::Exact }
         };
-        let energy = |at: At| -> f64 {
-            let one = |element: usize| {
-                let mut block = super::Block::ZERO;
-                plate.block(element, &at, super::Order::Value, &mut block).unwrap();
-                block.energy
-            };
-            (0..plate.elements()).map(one).sum()
-        };
+        let energy = |at: At| energy(&plate, &at);
         let push = plate.push(&at(0, 0.0));
         for n in 0..lift.coordinates() {
             let want = -(energy(at(n, 1e-5)) - energy(at(n, -1e-5))) / 2e-5;

@@ -31,6 +31,8 @@ pub fn put_compression(file: &mut Writer, found: &Compression) -> Result<(), Fai
     let pressure = &found.contact_pressure_kpa;
     let long_name = "Pressure of paddle and receptor on the skin, at the nodes";
     file.put(&at("contact_pressure_kpa"), pressure, "kPa", long_name)?;
+    let long_name = "Area of the plates' faces that the skin around the node covers";
+    file.put(&at("contact_area_mm2"), &found.face_areas_mm2(), "mm2", long_name)?;
     let back = found.to_detector.inverse();
     let steps: Vec<LoadStep> = found.steps.iter().map(|step| step.moved(&back)).collect();
     load_steps::put(file, &at("steps"), &steps)?;
@@ -41,6 +43,11 @@ pub fn put_compression(file: &mut Writer, found: &Compression) -> Result<(), Fai
     file.put_scalar(&at("nipple_node"), found.nipple_node, "1", "Node that is the nipple")?;
     let nipple = found.nipple();
     file.put(&at("nipple_mm"), nipple.as_slice(), "mm", "Nipple in the frame of the detector")?;
+    let met = found.met.as_deref().unwrap_or("");
+    file.put_text(&at("ended_by"), met, "Key of compress.stop that ended it; empty for none")?;
+    let nominal = found.nominal_thickness_mm;
+    let long_name = "Mean of smallest and largest distance of the plates over the contact";
+    file.put_scalar(&at("nominal_thickness_mm"), nominal, "mm", long_name)?;
     let why = found.stopped_early.as_deref().unwrap_or("");
     let long_name = "Why it ended before its stop rule; empty when the rule was met";
     file.put_text(&at("stopped_early"), why, long_name)?;
