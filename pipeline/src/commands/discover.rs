@@ -211,7 +211,10 @@ fn answer(
     let kind = kind.as_ref().and_then(|kind| kind.as_str()).unwrap_or_default().replace('_', " ");
     let name = verdict.effect.as_deref().map(|name| format!(": {name}")).unwrap_or_default();
     println!("{kind}{name}\n{}\n", verdict.reason);
-    println!("score of each effect (by chance up to {:.1})", found.screening.limit);
+    println!(
+        "score of each effect (by chance and systematic errors up to {:.1})",
+        found.screening.limit
+    );
     for score in found.screening.ranked() {
         let note = match score.amplitude {
             Some(amplitude) => format!("amplitude {amplitude:9.3}"),

@@ -147,7 +147,7 @@ class Discovery:
 
     @cached_property
     def limit(self) -> float:
-        """A score beyond this is found by chance in 1 % of data without any effect."""
+        """Chance and systematic errors reach a score of this in 1 % of data without any effect."""
         return self._root.json("screening")["limit"]
 
     @cached_property

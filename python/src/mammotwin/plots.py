@@ -99,12 +99,12 @@ def gap_map(gap: Gap, when: str, ax=None, limit_mm: float | None = None):
 
 
 def scores(found: Discovery, ax=None):
-    """Scores of all effects, and the line that chance passes in 1 % of data without any."""
+    """Scores of all effects, and the line that chance and systematic errors pass in 1 % of data without any."""
     ax = _axes(ax)
     ranked = found.scores[::-1]
     colours = [BLUE if score.z > found.limit else GREY for score in ranked]
     ax.barh([score.effect for score in ranked], [score.z for score in ranked], color=colours)
-    ax.axvline(found.limit, color=ORANGE, label=f"by chance once in a hundred: {found.limit:.1f}")
+    ax.axvline(found.limit, color=ORANGE, label=f"limit {found.limit:.1f}")
     ax.set(xlabel="score (standard deviations)", title=found.verdict.replace("_", " "))
     ax.legend(loc="lower right")
     return ax
