@@ -16,7 +16,7 @@ fn a_hidden_limit_of_stretch_is_named_and_nothing_is_not() {
     let folder = tempfile::tempdir().unwrap();
     let run = Command::new(env!("CARGO_BIN_EXE_mammotwin"))
         .args(["study", "discovery", "--preset", "tiny", "--seeds", "3", "--draws", "12"])
-        .args(["--effects", "limit_chain", "--sigmas", "8", "--out"])
+        .args(["--effects", "limit_chain", "--sigmas", "25", "--out"])
         .arg(folder.path())
         .output()
         .unwrap();
@@ -41,5 +41,5 @@ fn a_hidden_limit_of_stretch_is_named_and_nothing_is_not() {
     let right = hidden.iter().filter(|(_, ranked)| ranked.starts_with("limit_chain")).count();
     assert!(right >= 10, "{right} of 12: {hidden:?}");
     let page = fs::read_to_string(folder.path().join("discovery-benchmark.md")).unwrap();
-    assert!(page.contains("| limit_chain | 8 |"));
+    assert!(page.contains("| limit_chain | 25 |"));
 }

@@ -190,7 +190,7 @@ impl Gather {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 4;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, with their derivatives by the moduli and by the amplitude of each effect of \
          a library, and their differences to the same model on five other meshes.";
@@ -212,7 +212,7 @@ impl Stage for Gather {
         let nodes: Vec<u32> = weighed.iter().map(|&place| active[place as usize]).collect();
         if nodes.len() < FEWEST_NODES {
             return Err(Failure::BadInput(format!(
-                "discover: only {} nodes of the skin lie between nipple and rim; take a smaller \
+                "discover: only {} nodes of the skin lie beside the nipples; take a smaller \
                  mesh.size_mm",
                 nodes.len()
             )));

@@ -1,6 +1,6 @@
 //! Residuals of simulated poses at material points of the skin.
 
-use crate::{calibrate::Fit, mesh::BreastMesh, pose::PoseFit};
+use crate::{calibrate::Fit, mesh::BreastMesh, model::BreastBase, pose::PoseFit};
 use mammotwin_data::{Failure, Vec3, io::hdf5, mesh::Patch, surface::TriMesh};
 use mammotwin_solver::distance::SurfaceIndex;
 use nalgebra::{DMatrix, DVector};
@@ -17,19 +17,16 @@ pub struct Shape {
 
 /// Nodes this near (mm) to the nipple are not weighed: the mesh does not resolve it, so that normal
 /// distances there are those of its bump.
-const NIPPLE_MM: f64 = 20.0;
-/// Nor are nodes beyond this elliptic radius of the base: the limits of the model are not the person's.
-const RIM: f64 = 0.9;
+const NIPPLE_MM: f64 = 15.0;
 
 /// Places, among the nodes that a fit compares, of those that are weighed.
 pub(super) fn weighed(mesh: &BreastMesh, active: &[u32]) -> Vec<u32> {
-    let inside = |node: u32| {
+    let smooth = |node: u32| {
         let point = &mesh.mesh.points[node as usize];
-        let nearest = mesh.anatomy.nearest(point);
-        nearest
-            .is_some_and(|(base, radius)| radius < RIM && (base.nipple - point).norm() > NIPPLE_MM)
+        let near = |base: &BreastBase| (base.nipple - point).norm() < NIPPLE_MM;
+        !mesh.anatomy.breasts.iter().any(near)
     };
-    (0..).zip(active).filter(|(_, node)| inside(**node)).map(|(place, _)| place).collect()
+    (0..).zip(active).filter(|(_, node)| smooth(**node)).map(|(place, _)| place).collect()
 }
 
 /// Edges of the skin between some of its nodes, as places among these.
