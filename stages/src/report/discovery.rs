@@ -4,7 +4,7 @@
 use super::{
     Fact, SurfaceMap,
     chart::{self, Axis, Chart, Line},
-    html::{map, significant, style},
+    html::{map, significant},
     palette::Palette,
     surface::Camera,
 };
@@ -119,7 +119,7 @@ pub fn render(
         Fact::new(name, format!("{size:.2} mm{over}"))
     });
     let page = context! {
-        style => style(),
+        style => include_str!("style.css"),
         subject => subject,
         heading => heading(verdict.verdict, effect, verdict.set.len()),
         lead => lead,
@@ -214,7 +214,8 @@ fn rows(gaps: &[PoseGap], added: Option<&Added>) -> Vec<minijinja::Value> {
             // Only what lies above the floor can be closed.
             let closed = match rms {
                 Some([before, after, floor]) if before > floor => {
-                    format!("{:.0} %", 100.0 * (before - after) / (before - floor))
+                    let part = (before - after) / (before - floor);
+                    if part < 1.0 { format!("{:.0} %", 100.0 * part) } else { "whole".into() }
                 }
                 _ => "–".into(),
             };

@@ -13,8 +13,6 @@ use mammotwin_data::{Failure, metric::Metric};
 use minijinja::{Environment, context};
 use serde::Serialize;
 
-const TEMPLATE: &str = include_str!("template.html");
-
 /// Width (pixels) that all views of a surface fill together.
 const VIEWS_WIDTH: f64 = 920.0;
 /// Length of the bar in pictures of surfaces (mm).
@@ -76,15 +74,9 @@ pub fn render(input: &ReportInput) -> Result<String, Failure> {
     };
     let mut environment = Environment::new();
     environment
-        .add_template("report.html", TEMPLATE)
+        .add_template("report.html", include_str!("template.html"))
         .and_then(|()| environment.get_template("report.html")?.render(page))
         .map_err(|cause| Failure::BadInput(format!("report: {cause:#}")))
-}
-
-/// Style sheet of the report, for the other pages.
-pub(super) fn style() -> &'static str {
-    let inside = TEMPLATE.split_once("<style>").and_then(|(_, rest)| rest.split_once("</style>"));
-    inside.map_or("", |(style, _)| style)
 }
 
 /// Scenes as JSON that may stand in a script element; `None` when there are none.
