@@ -7,12 +7,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from .errors import MissingError, NotResultsError
 from .fields import Field
-from .group import Group, open_file
+from .group import Group, OpenFile
 from .mesh import Surface
 
 
@@ -68,34 +67,12 @@ class Gap:
     floor_mm: float
 
 
-class Discovery:
+class Discovery(OpenFile):
     """The answer, and what it rests on. Lengths are mm, the frame is the reference pose's, RAS."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._h5 = open_file(path)
+    def _check(self) -> None:
         if "verdict" not in self._h5 or "gaps" not in self._h5:
-            self._h5.close()
-            raise NotResultsError(f"{path}: no discovery.h5 of mammotwin")
-
-    def __enter__(self) -> Discovery:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Closes the file; what was read stays."""
-        self._h5.close()
-
-    @property
-    def h5(self) -> h5py.File:
-        """The open file."""
-        return self._h5
-
-    @cached_property
-    def _root(self) -> Group:
-        return Group(self._h5)
+            raise NotResultsError(f"{self.path}: no discovery.h5 of mammotwin")
 
     @cached_property
     def _verdict(self) -> dict[str, Any]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import h5py
 import numpy as np
@@ -21,6 +22,41 @@ def open_file(path: Path) -> h5py.File:
         return h5py.File(path, "r")
     except OSError as cause:
         raise NotResultsError(f"{path}: no HDF5 file, or a damaged one: {cause}") from cause
+
+
+class OpenFile:
+    """A file that is read when it is asked for. Use as a context manager, or `close()` it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._h5 = open_file(path)
+        try:
+            self._check()
+        except Exception:
+            self._h5.close()
+            raise
+
+    def _check(self) -> None:
+        """Refuses a file of another kind."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the file; what was read stays."""
+        self._h5.close()
+
+    @property
+    def h5(self) -> h5py.File:
+        """The open file, for all that this class does not know."""
+        return self._h5
+
+    @cached_property
+    def _root(self) -> Group:
+        return Group(self._h5)
 
 
 class Group:

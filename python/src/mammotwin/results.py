@@ -13,7 +13,7 @@ from .calibration import Calibration, Moduli
 from .compression import Compression
 from .errors import MissingError, NotResultsError, SchemaError
 from .folder import RunFolder, StageRecord
-from .group import Group, open_file
+from .group import Group, OpenFile
 from .mesh import Mesh, Surface
 from .metrics import Metrics, read_metrics
 from .poses import Pose
@@ -45,20 +45,11 @@ def _locate(path: Path) -> Path:
     raise MissingError(f"no results.h5 in {path} or {path / 'out'}", "results", "run: mammotwin run STUDY.toml")
 
 
-class Results:
+class Results(OpenFile):
     """What a study found out. Lengths are mm, the frame is the reference pose's, RAS.
 
     Arrays are read when they are asked for. Use as a context manager, or `close()` it.
     """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._h5 = open_file(path)
-        try:
-            self._check()
-        except Exception:
-            self._h5.close()
-            raise
 
     def _check(self) -> None:
         attributes = self._h5.attrs
@@ -75,25 +66,6 @@ class Results:
         system = attributes.get("coordinate_system")
         if system != COORDINATE_SYSTEM:
             raise SchemaError(f"{self.path}: coordinate system {system!r}, not {COORDINATE_SYSTEM!r}")
-
-    def __enter__(self) -> Results:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Closes the file; what was read stays."""
-        self._h5.close()
-
-    @property
-    def h5(self) -> h5py.File:
-        """The open file, for all that this class does not know."""
-        return self._h5
-
-    @cached_property
-    def _root(self) -> Group:
-        return Group(self._h5)
 
     # What was asked for, and what made it
 
