@@ -8,16 +8,12 @@
 
 mod common;
 
+use common::squeeze::{EDGE_MM, Squeeze};
 use common::{Body, coarse, fine};
-use mammotwin_data::{Vec3, mesh::Patch, progress::Silent, study::LawName};
-use mammotwin_solver::compress::{Closing, Compressed, Plates, Step, Stops, compress};
+use mammotwin_data::{Vec3, mesh::Patch, study::LawName};
+use mammotwin_solver::compress::{Compressed, Plates, Step, Stops};
 use mammotwin_solver::materials::Law;
 use mammotwin_solver::paddles::{Hinge, Paddle, RoundedPlate};
-use mammotwin_solver::terms::Bulk;
-use mammotwin_solver::{Model, Options};
-
-/// Where the plates' edges are, from the base (mm).
-const EDGE_MM: f64 = 20.0;
 
 fn squeeze(body: &Body, law: Law, radius_mm: f64, goal_mm: f64) -> Compressed {
     press(body, law, radius_mm, goal_mm, None, 0.0)
@@ -31,42 +27,16 @@ fn press(
     hinge: Option<Hinge>,
     friction: f64,
 ) -> Compressed {
-    let mesh = &body.mesh;
-    let mut model = Model::new(mesh);
-    model.add(Bulk::new("breast", mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
-    for node in mesh.patch_nodes(Patch::ChestWall) {
-        model.fix_node(node);
-    }
-    let plates = Plates {
-        axis: Vec3::y(),
-        away: Vec3::z(),
-        edge_mm: EDGE_MM,
+    let squeeze = Squeeze {
+        law,
         radius_mm,
-        friction,
         paddle: hinge.map_or(Paddle::Rigid, Paddle::Flex),
         middle_mm: 0.0,
-        faces: mesh.patch(Patch::Skin).to_vec(),
-    };
-    let closing = Closing {
-        receptor_mm: -66.0,
-        thickness_mm: 132.0,
-        receptor_share: 0.5,
+        friction,
         step_mm: 5.0,
         stops: Stops::at_thickness(goal_mm),
     };
-    let clock = std::time::Instant::now();
-    let done =
-        compress(model, &plates, &closing, &mesh.points, &Options::default(), &Silent).unwrap();
-    for step in &done.steps {
-        println!(
-            "{:6.1} mm {:6.2}° {:.4} N {:.4} N",
-            step.thickness_mm,
-            step.tilt_rad.to_degrees(),
-            step.paddle_force_mn / 1e3,
-            step.receptor_force_mn / 1e3
-        );
-    }
-    println!("{:?}: {:?} {:?}", clock.elapsed(), done.stopped_early, done.solution.checks);
+    let (plates, done) = (squeeze.plates(body), squeeze.run(body));
     // Friction at the rounded edges presses, too; a tilted paddle has a test of its own.
     for step in done.steps.iter().filter(|step| step.tilt_rad == 0.0 && friction == 0.0) {
         integrates(&plates, step);

@@ -7,64 +7,23 @@
 
 mod common;
 
+use common::squeeze::{EDGE_MM, Squeeze};
 use common::{Body, coarse};
-use mammotwin_data::{Vec3, mesh::Patch, progress::Silent, study::LawName};
-use mammotwin_solver::compress::{Closing, Compressed, Plates, Step, StopRule, Stops, compress};
+use mammotwin_data::{Vec3, study::LawName};
+use mammotwin_solver::compress::{Compressed, Step, StopRule, Stops};
 use mammotwin_solver::materials::Law;
 use mammotwin_solver::paddles::{CurvedPlate, ElasticPlate, Gimbal, Lift, Paddle, Sheet, Support};
-use mammotwin_solver::terms::Bulk;
-use mammotwin_solver::{Model, Options};
 use std::sync::Arc;
-
-const EDGE_MM: f64 = 20.0;
 
 fn press(body: &Body, paddle: Paddle, stops: Stops, middle_mm: f64) -> Compressed {
     rub(body, paddle, stops, middle_mm, 0.0)
 }
 
 fn rub(body: &Body, paddle: Paddle, stops: Stops, middle_mm: f64, friction: f64) -> Compressed {
-    let mesh = &body.mesh;
-    let mut model = Model::new(mesh);
     let law = Law::new(LawName::Gent, 0.5, 0.49, Some(2.0)).unwrap();
-    model.add(Bulk::new("breast", mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
-    for node in mesh.patch_nodes(Patch::ChestWall) {
-        model.fix_node(node);
-    }
-    let plates = Plates {
-        axis: Vec3::y(),
-        away: Vec3::z(),
-        edge_mm: EDGE_MM,
-        radius_mm: 10.0,
-        friction,
-        paddle,
-        middle_mm,
-        faces: mesh.patch(Patch::Skin).to_vec(),
-    };
-    let closing = Closing {
-        receptor_mm: -66.0,
-        thickness_mm: 132.0,
-        receptor_share: 0.5,
-        step_mm: 8.0,
-        stops,
-    };
-    let clock = std::time::Instant::now();
-    let done =
-        compress(model, &plates, &closing, &mesh.points, &Options::default(), &Silent).unwrap();
-    for step in &done.steps {
-        println!(
-            "{:6.1} mm {:6.2}° {:6.2}° {:.2} mm {:.4} N {:.4} N, {:.0} and {:.0} mm², {:.3} kPa",
-            step.thickness_mm,
-            step.tilt_rad.to_degrees(),
-            step.roll_rad.to_degrees(),
-            step.deflection_mm,
-            step.paddle_force_mn / 1e3,
-            step.receptor_force_mn / 1e3,
-            step.contact_area_mm2,
-            step.front_area_mm2,
-            step.mean_pressure_kpa,
-        );
-    }
-    println!("{:?}: {:?} {:?}", clock.elapsed(), done.met, done.solution.checks);
+    let squeeze =
+        Squeeze { law, radius_mm: 10.0, paddle, middle_mm, friction, step_mm: 8.0, stops };
+    let done = squeeze.run(body);
     assert!(done.stopped_early.is_none(), "{:?}", done.stopped_early);
     // The last of the small steps to a pose ends where the energy no longer tells: 3e-6 was seen.
     assert!(done.solution.checks.force_imbalance < 1e-5);

@@ -53,3 +53,18 @@ macro_rules! bytes_artifact {
     };
 }
 pub(crate) use bytes_artifact;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_come_back_to_the_last_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("numbers.json");
+        let numbers: Vec<f64> =
+            (1..2000).map(|n| f64::from(n).sqrt() * 10f64.powi(n % 40 - 20)).collect();
+        save_json(&numbers, &path).unwrap();
+        assert_eq!(load_json::<Vec<f64>>(&path).unwrap(), numbers);
+    }
+}

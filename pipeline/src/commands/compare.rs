@@ -1,6 +1,6 @@
 //! `mammotwin study paddles` and `mammotwin study positions`: one breast, compressed in several ways.
 
-use super::{Opened, open};
+use super::{Opened, open, write};
 use crate::{
     cli::{PaddlesArguments, PositionsArguments, StudyArguments},
     comparison::{Found, ThesisStudy, Way, comparisons, curves, page, summary},
@@ -13,7 +13,7 @@ use mammotwin_data::{
     store::{self, Drive, Options},
     study::{CompressPlan, PaddleName},
 };
-use std::{fs, path::Path};
+use std::fs;
 
 /// Compresses under several paddles.
 pub fn paddles(arguments: &PaddlesArguments) -> Result<(), Failure> {
@@ -106,18 +106,14 @@ fn go(
     }
     let folder = store.out.join("studies").join(name);
     fs::create_dir_all(&folder).map_err(|cause| Failure::io(&folder, cause))?;
-    let put = |name: &str, bytes: &[u8]| -> Result<(), Failure> {
-        let path: &Path = &folder.join(name);
-        fs::write(path, bytes).map_err(|cause| Failure::io(path, cause))
-    };
     let (html, figures) = page(&read.subject.id, study, &ways);
     for figure in &figures {
-        put(&figure.name, &figure.bytes)?;
+        write(&folder.join(&figure.name), &figure.bytes)?;
     }
-    put(&format!("{name}.csv"), summary(&ways).as_bytes())?;
-    put("curves.csv", curves(&ways).as_bytes())?;
-    put("comparisons.csv", comparisons(&ways).as_bytes())?;
-    put(&format!("{name}.html"), html.as_bytes())?;
+    write(&folder.join(format!("{name}.csv")), summary(&ways))?;
+    write(&folder.join("curves.csv"), curves(&ways))?;
+    write(&folder.join("comparisons.csv"), comparisons(&ways))?;
+    write(&folder.join(format!("{name}.html")), html)?;
     let computed = pass.entries.iter().filter(|entry| entry.computed).count();
     println!("{computed} of {} stages computed", pass.entries.len());
     for way in &ways {

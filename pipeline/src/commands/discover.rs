@@ -1,6 +1,6 @@
 //! `mammotwin discover`: find the disagreement, name the missing effect, add it, show the gap.
 
-use super::{Opened, open, run};
+use super::{Opened, open, run, write};
 use crate::{
     cli::{DiscoverArguments, StudyArguments},
     display::Display,
@@ -44,7 +44,7 @@ pub fn discover(arguments: &DiscoverArguments) -> Result<(), Failure> {
     let shown = added.as_ref().map(|added| &added.with_and_without);
     let text = discovery::render(subject, &held_out, &found, shown, &methods)?;
     let page = opened.store.out.join("discovery.html");
-    fs::write(&page, text).map_err(|cause| Failure::io(&page, cause))?;
+    write(&page, text)?;
     answer(arguments, &held_out, &found, added.as_ref())?;
     if !arguments.json {
         println!("\n{}", page.display());
@@ -100,7 +100,6 @@ fn add(
 ) -> Result<Added, Failure> {
     let path = &arguments.study.study;
     let text = fs::read_to_string(path).map_err(|cause| Failure::io(path, cause))?;
-    let study = path.with_extension("discovered.toml");
     let text = format!(
         "{text}\n# Found by `mammotwin discover`.\n[model.effects]\n{effect} = {amplitude:?}\n"
     );
@@ -110,7 +109,8 @@ fn add(
             path.display()
         ))
     })?;
-    fs::write(&study, text).map_err(|cause| Failure::io(&study, cause))?;
+    let study = place(path, &text);
+    write(&study, text)?;
     let out = opened.store.out.join(format!("with_{effect}"));
     share_cache(&opened.store.out.join("cache"), &out.join("cache"))?;
     let with = open(&StudyArguments { study: study.clone(), out: Some(out) })?;
@@ -127,6 +127,18 @@ fn add(
     };
     let with_and_without = discovery::Added { modified_hausdorff_mm, force };
     Ok(Added { study, effect: effect.into(), amplitude, with_and_without })
+}
+
+/// Where the study with the effect goes: a file that is there already, with something else in it, may
+/// have been edited and stays.
+fn place(study: &Path, text: &str) -> PathBuf {
+    let named = |n: u32| match n {
+        1 => study.with_extension("discovered.toml"),
+        _ => study.with_extension(format!("discovered-{n}.toml")),
+    };
+    let free =
+        |path: &PathBuf| !path.exists() || fs::read_to_string(path).is_ok_and(|held| held == text);
+    (1..).map(named).find(free).unwrap_or_else(|| named(1))
 }
 
 /// Modified Hausdorff distance (mm) of every pose after the fit.

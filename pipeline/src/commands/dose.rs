@@ -1,5 +1,6 @@
 //! `mammotwin study dose`: Dance's dose against Monte Carlo under a tilted paddle.
 
+use super::write;
 use crate::cli::DoseArguments;
 use mammotwin_data::Failure;
 use mammotwin_imaging::xray::transport::{
@@ -7,7 +8,7 @@ use mammotwin_imaging::xray::transport::{
     study::{Case, Outline, Shield, Study, StudyPlan, study},
 };
 use mammotwin_stages::report::chart::{Axis, Chart, Line, lines};
-use std::{fmt::Write, fs, path::Path};
+use std::{fmt::Write, fs};
 
 /// Computes the study and writes `dose.csv`, `dose.svg` and `correction.csv`.
 pub fn dose(arguments: &DoseArguments) -> Result<(), Failure> {
@@ -32,13 +33,9 @@ pub fn dose(arguments: &DoseArguments) -> Result<(), Failure> {
     };
     let found = study(&plan, &progress)
         .map_err(|cause| Failure::BadInput(format!("study dose: {cause}")))?;
-    let put = |name: &str, text: &str| -> Result<(), Failure> {
-        let path: &Path = &folder.join(name);
-        fs::write(path, text).map_err(|cause| Failure::io(path, cause))
-    };
-    put("dose.csv", &table(&found))?;
-    put("correction.csv", &corrections(&found))?;
-    put("dose.svg", &lines(&chart(&found)))?;
+    write(&folder.join("dose.csv"), table(&found))?;
+    write(&folder.join("correction.csv"), corrections(&found))?;
+    write(&folder.join("dose.svg"), lines(&chart(&found)))?;
     print!("{}", corrections(&found));
     println!("{}: dose.csv, dose.svg, correction.csv", folder.display());
     Ok(())

@@ -93,6 +93,14 @@ impl Opened {
     }
 }
 
+/// Writes a file of the user's folder.
+///
+/// # Errors
+/// [`Failure::Io`] with its name.
+pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), Failure> {
+    fs::write(path, bytes).map_err(|cause| Failure::io(path, cause))
+}
+
 /// Reads a study file and finds its store; writes nothing.
 pub fn open(arguments: &StudyArguments) -> Result<Opened, Failure> {
     let path = &arguments.study;

@@ -1,6 +1,6 @@
 //! `mammotwin synth` and `mammotwin demo`: a digital volunteer, and the whole pipeline on her.
 
-use super::{open, run};
+use super::{open, run, write};
 use crate::{
     cli::{DemoArguments, StudyArguments, SynthArguments},
     display::{Task, say},
@@ -32,7 +32,7 @@ pub fn demo(arguments: &DemoArguments) -> Result<(), Failure> {
     let text = format!("mammotwin {version}: {preset} {seed} {voxel_mm:?} {poses:?}\n");
     if !study.exists() || fs::read_to_string(&note).ok().as_ref() != Some(&text) {
         volunteer::synthesize(&settings, &Task::new("synth"))?;
-        fs::write(&note, text).map_err(|cause| Failure::io(&note, cause))?;
+        write(&note, text)?;
     }
     let opened = open(&StudyArguments { study, out: None })?;
     let pass = run::execute(&opened, &Options::default())?;

@@ -198,22 +198,23 @@ fn check_contact(term: &dyn Term, rest: &[Vec3], load: Load) {
     check(&points.iter().enumerate().map(nudge).collect::<Vec<_>>(), &memory);
 }
 
+const SLANTED: RoundedPlate = RoundedPlate {
+    into: Vec3::new(0.0, 0.6, 0.8),
+    away: Vec3::new(0.0, -0.8, 0.6),
+    edge_mm: -6.0,
+    radius_mm: 7.0,
+};
+
 #[test]
 fn plate() {
     let mesh = pair();
-    let shape = RoundedPlate {
-        into: Vec3::new(0.0, 0.6, 0.8),
-        away: Vec3::new(0.0, -0.8, 0.6),
-        edge_mm: -6.0,
-        radius_mm: 7.0,
-    };
     let faces = [[0, 1, 3], [1, 4, 3]];
     for (kind, receptor_mm, thickness_mm) in
         [(PlateKind::Receptor, -1.0, 5.0), (PlateKind::Paddle, 0.0, 2.0)]
     {
         let load = Load { gravity: 1.0, receptor_mm, thickness_mm, ..Load::GRAVITY };
         for friction in [0.0, 0.3] {
-            let term = Plate::new(kind, shape, &mesh.points, &faces);
+            let term = Plate::new(kind, SLANTED, &mesh.points, &faces);
             let term = term.slip(Slip::Coulomb(friction)).unwrap();
             check_contact(&term, &mesh.points, load);
             let (points, shear_kpa) = (&moved(&mesh)[..], &[0.2; 5]);
@@ -231,7 +232,7 @@ fn plate() {
                 assert!(f <= friction * n + 1e-12 && f >= 0.49 * friction * n, "{n} {f}");
             }
         }
-        assert!(Plate::new(kind, shape, &mesh.points, &faces).slip(Slip::Coulomb(-1.0)).is_err());
+        assert!(Plate::new(kind, SLANTED, &mesh.points, &faces).slip(Slip::Coulomb(-1.0)).is_err());
     }
 }
 
@@ -247,13 +248,7 @@ fn energy(term: &dyn Term, at: &At) -> f64 {
 #[test]
 fn a_plate_that_tilts() {
     let mesh = pair();
-    let shape = RoundedPlate {
-        into: Vec3::new(0.0, 0.6, 0.8),
-        away: Vec3::new(0.0, -0.8, 0.6),
-        edge_mm: -6.0,
-        radius_mm: 7.0,
-    };
-    let plate = Plate::new(PlateKind::Paddle, shape, &mesh.points, &[[0, 1, 3], [1, 4, 3]]);
+    let plate = Plate::new(PlateKind::Paddle, SLANTED, &mesh.points, &[[0, 1, 3], [1, 4, 3]]);
     let plate = plate.tilting(9.0);
     let (points, shear_kpa, pressure) = (&moved(&mesh)[..], &[0.2; 5][..], &[][..]);
     for tilt_rad in [-0.2, 0.0, 0.3] {
@@ -277,12 +272,6 @@ fn a_plate_that_tilts() {
 #[test]
 fn a_plate_that_is_lifted() {
     let mesh = pair();
-    let shape = RoundedPlate {
-        into: Vec3::new(0.0, 0.6, 0.8),
-        away: Vec3::new(0.0, -0.8, 0.6),
-        edge_mm: -6.0,
-        radius_mm: 7.0,
-    };
     let sheet = Sheet {
         width_mm: 40.0,
         depth_mm: 30.0,
@@ -299,7 +288,7 @@ fn a_plate_that_is_lifted() {
     ];
     let (points, shear_kpa, pressure) = (&moved(&mesh)[..], &[0.2; 5][..], &[][..]);
     for lift in lifts {
-        let plate = Plate::new(PlateKind::Paddle, shape, &mesh.points, &[[0, 1, 3], [1, 4, 3]]);
+        let plate = Plate::new(PlateKind::Paddle, SLANTED, &mesh.points, &[[0, 1, 3], [1, 4, 3]]);
         let plate = plate.lifted(lift.clone(), 1.5);
         let mut pose = crate::paddles::AT_REST;
         pose[..3].copy_from_slice(&[0.3, -0.2, 0.1]);

@@ -7,6 +7,7 @@
 
 pub mod loads;
 pub mod shapes;
+pub mod squeeze;
 
 use mammotwin_data::{Vec3, labels::Tissue, mesh::Patch, mesh::TetMesh};
 use std::collections::BTreeMap;

@@ -28,6 +28,8 @@ const BOUNDS_KPA: [f64; 2] = [0.05, 20.0];
 const CLOSE_MM: f64 = 0.1;
 /// ... or after so many trials.
 const MAX_TRIALS: usize = 7;
+/// A search that leaves more (mm) than this did not come to its end.
+const FAR_MM: f64 = 10.0 * CLOSE_MM;
 
 /// Finds the stress-free shape and, where poses are given, the moduli of both breasts.
 #[derive(Debug, Clone, Serialize)]
@@ -92,6 +94,16 @@ pub struct Calibration {
     pub trials: Vec<Trial>,
 }
 
+impl Calibration {
+    /// What the search left of the sag (mm) when it did not come to its end: the moduli are the best of
+    /// those that were tried, but they are not fitted. `None` when it did, or nothing was searched.
+    pub fn unmet_mm(&self) -> Option<f64> {
+        let taken = self.trials.iter().find(|trial| trial.moduli == self.after.moduli)?;
+        let left = taken.residual_right_mm.abs().max(taken.residual_left_mm.abs());
+        (self.trials.len() > 1 && left > FAR_MM).then_some(left)
+    }
+}
+
 impl Artifact for Calibration {
     const EXTENSION: &'static str = "h5";
 
@@ -140,7 +152,7 @@ type Input = (BreastMesh, PoseSurfaces, Vec<Registered>, Vec<PoseSurfaces>);
 
 impl Stage for Calibrate {
     const NAME: &'static str = "calibrate";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const METHODS: &'static str = "The stress-free shape is the shape that gravity deforms into the reference pose; it \
          was found as the inverse motion (Govindjee & Mihalic, Comput. Methods Appl. Mech. Eng. 136 \
          (1996) 47), or by an accelerated fixed point (Sellier, Comput. Mech. 48 (2011) 503) where the \
@@ -188,6 +200,7 @@ impl Search<'_> {
         let mut moduli = start;
         let mut before: Option<Fit> = None;
         let mut best: Option<(f64, Fit)> = None;
+        let mut failed: Option<(Moduli, String)> = None;
         for round in 0..rounds {
             let doing = format!(
                 "trial {}: {:.3} / {:.3} kPa",
@@ -202,7 +215,8 @@ impl Search<'_> {
             let fit = match self.0.evaluate(moduli, near, &part, &doing) {
                 Ok(fit) => fit,
                 // Too soft to stand: go half way back to the last moduli that stood.
-                Err(Failure::Numerics(_)) if !trials.is_empty() => {
+                Err(Failure::Numerics(why)) if !trials.is_empty() => {
+                    failed = Some((moduli, why));
                     let last = trials[trials.len() - 1].moduli;
                     let back = |now: f64, then: f64| (now * then).sqrt();
                     moduli = Moduli {
@@ -247,6 +261,15 @@ impl Search<'_> {
                 break;
             }
         }
+        // Moduli that no other could be compared with are not fitted.
+        if let (1, Some((moduli, why))) = (trials.len(), failed) {
+            return Err(Failure::Numerics(format!(
+                "calibrate: nothing but the study's moduli stands; the last that was tried, {:.3} and \
+                 {:.3} kPa, has no solution ({why}); begin with others, or keep the study's: \
+                 calibrate.parameters = []",
+                moduli.right_kpa, moduli.left_kpa
+            )));
+        }
         let (Some(before), Some((_, after))) = (before, best) else {
             return Err(Failure::Numerics("calibrate: no trial was evaluated".into()));
         };
@@ -258,5 +281,35 @@ impl Search<'_> {
         let others = self.0.targets.iter().zip(&fit.poses).skip(1);
         let residuals: Vec<f64> = others.map(|(t, p)| t.sag_residual_mm(p, side)).collect();
         residuals.iter().sum::<f64>() / residuals.len().max(1) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_search_that_did_not_end_is_told_from_one_that_did() {
+        let trial = |young: f64, residual_left_mm: f64| Trial {
+            moduli: Moduli { right_kpa: 0.5, left_kpa: young },
+            residual_right_mm: 0.05,
+            residual_left_mm,
+            modified_hausdorff_mm: 5.0,
+        };
+        let fit = |young: f64| Fit {
+            moduli: Moduli { right_kpa: 0.5, left_kpa: young },
+            round_trip: RoundTrip { rms_mm: 0.0, max_mm: 0.0, off_wall_mm: 0.0 },
+            rest: Vec::new(),
+            poses: Vec::new(),
+        };
+        let found = |trials: &[Trial], taken: f64| Calibration {
+            before: fit(0.5),
+            after: fit(taken),
+            trials: trials.to_vec(),
+        };
+        assert_eq!(found(&[trial(0.5, 4.9), trial(0.2, 0.05)], 0.2).unmet_mm(), None);
+        assert_eq!(found(&[trial(0.5, -4.9), trial(1.0, -5.5)], 0.5).unmet_mm(), Some(4.9));
+        // Nothing was searched.
+        assert_eq!(found(&[trial(0.5, 4.9)], 0.5).unmet_mm(), None);
     }
 }

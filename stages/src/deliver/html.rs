@@ -53,7 +53,7 @@ pub type Squeezed =
 
 impl Stage for Report {
     const NAME: &'static str = "report";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const METHODS: &'static str = "";
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
@@ -85,6 +85,12 @@ impl Stage for Report {
         };
         if let (Some(compression), Some(phantom), Some(made)) = (compression, phantom, mammograms) {
             input.mammograms = sections::mammograms(compression, phantom, made);
+        }
+        if let Some(left_mm) = calibration.unmet_mm() {
+            input.warnings.push(format!(
+                "The moduli are not fitted: the search left {left_mm:.1} mm of the sag, and took the best \
+                 of what it tried"
+            ));
         }
         if let Some(why) = compression.as_ref().and_then(|c| c.stopped_early.as_ref()) {
             input.warnings.push(format!("The compression ended before its stop rule: {why}"));

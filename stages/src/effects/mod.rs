@@ -132,6 +132,7 @@ fn stiffen(recipe: &mut Recipe, ligament: Ligament, factor: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mammotwin_data::study::{InterfaceKind, InterfacePlan, InterfaceRegion};
 
     #[test]
     fn the_reader_of_studies_knows_the_same_effects() {
@@ -148,5 +149,54 @@ mod tests {
                 assert_ne!(*rival, effect.name);
             }
         }
+    }
+
+    /// Applies one effect to a recipe without elements.
+    fn with(name: &str, amplitude: f64, kind: InterfaceKind, gravity: Vec3) -> Recipe {
+        let mut recipe = Recipe {
+            tissue: Vec::new(),
+            skin: Vec::new(),
+            fascia: Vec::new(),
+            tethers: Vec::new(),
+            density_g_per_cm3: 1.0,
+            gravity,
+            skin_stretch: 1.0,
+            interface: InterfacePlan::uniform(kind, Some(0.1)),
+        };
+        let anatomy = Anatomy { sternum_x_mm: 0.0, breasts: Vec::new() };
+        let scene = Scene { mesh: &TetMesh::default(), anatomy: &anatomy };
+        apply(&mut recipe, &BTreeMap::from([(name.to_string(), amplitude)]), &scene).unwrap();
+        recipe
+    }
+
+    #[test]
+    fn friction_holds_what_slides_and_a_region_may_hold_more() {
+        let everywhere = with("friction", 0.2, InterfaceKind::NoSeparation, Vec3::z()).interface;
+        let region = InterfaceRegion::Cranial;
+        assert!((everywhere.of(None).coefficient() - 0.3).abs() < 1e-12);
+        assert!((everywhere.of(Some(region)).coefficient() - 0.3).abs() < 1e-12);
+        let there = with("bond_region", 0.5, InterfaceKind::NoSeparation, Vec3::z()).interface;
+        assert!((there.of(Some(region)).coefficient() - 0.6).abs() < 1e-12);
+        assert_eq!(there.of(None).coefficient(), 0.1);
+        for name in ["friction", "bond_region"] {
+            assert!(with(name, 0.3, InterfaceKind::Bonded, Vec3::z()).interface.is_bonded());
+        }
+    }
+
+    #[test]
+    fn gravity_turns_for_a_person_on_her_front_alone() {
+        let of = |gravity| with("gravity_dir", 6.0, InterfaceKind::Bonded, gravity).gravity;
+        let turned = of(Vec3::y());
+        assert!((turned.angle(&Vec3::y()).to_degrees() - 6.0).abs() < 1e-9);
+        assert!(turned.z == 0.0 && (turned.norm() - 1.0).abs() < 1e-12);
+        for gravity in [-Vec3::y(), -Vec3::z(), Vec3::new(-0.74, -0.67, 0.0).normalize()] {
+            assert_eq!(of(gravity), gravity);
+        }
+    }
+
+    #[test]
+    fn prestressed_skin_is_stretched_at_rest() {
+        let recipe = with("skin_prestress", 0.1, InterfaceKind::Bonded, Vec3::z());
+        assert_eq!(recipe.skin_stretch, 1.1);
     }
 }

@@ -143,19 +143,29 @@ pub struct Compression {
     pub chest_wall_distance_mm: f64,
 }
 
-const FILES: [(&str, &str); 4] = [
+const FILES: [(&str, &str); 3] = [
     ("small", include_str!("../../../data/volunteers/small.toml")),
     ("large", include_str!("../../../data/volunteers/large.toml")),
     ("tiny", include_str!("../../../data/volunteers/tiny.toml")),
-    ("sliding", include_str!("../../../data/volunteers/sliding.toml")),
 ];
 
+const SLIDING: &str = "sliding";
+
 impl Preset {
-    /// The built-in preset of a name.
+    /// The built-in preset of a name. `sliding` is `tiny` with breasts that slide on the muscle without
+    /// friction.
     pub fn named(name: &str) -> Result<Self, Failure> {
+        if name == SLIDING {
+            let mut preset = Self::named("tiny")?;
+            preset.name = name.into();
+            preset.fixed.interface = InterfaceKind::NoSeparation;
+            return Ok(preset);
+        }
         let Some((_, text)) = FILES.iter().find(|(known, _)| *known == name) else {
             let known = FILES.map(|(known, _)| known).join(", ");
-            return Err(Failure::Usage(format!("no preset is called `{name}`; there are {known}")));
+            return Err(Failure::Usage(format!(
+                "no preset is called `{name}`; there are {known}, {SLIDING}"
+            )));
         };
         toml::from_str(text).map_err(|error| Failure::BadInput(format!("preset {name}: {error}")))
     }

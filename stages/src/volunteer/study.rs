@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn the_study_is_valid_and_its_gravity_is_the_true_one_in_the_common_frame() {
-        for name in ["tiny", "small", "large"] {
+        for name in ["tiny", "small", "large", "sliding"] {
             let torso = Torso::new(Preset::named(name).unwrap().person(3), 3);
             let mut truth = Truth::of(&torso, name, 3);
             for pose in PoseName::ALL {

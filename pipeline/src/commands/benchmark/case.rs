@@ -3,7 +3,7 @@
 use super::HELD_OUT;
 use crate::{
     cli::StudyArguments,
-    commands::{Opened, open},
+    commands::{Opened, open, write},
     display::{Display, Task},
     graph,
 };
@@ -78,9 +78,9 @@ impl Case {
             synthesize(&settings, &Task::new("synth"))?;
             if self.kind == Kind::Exact {
                 let text = fs::read_to_string(&study).map_err(|c| Failure::io(&study, c))?;
-                fs::write(&study, with_labels(&text)).map_err(|c| Failure::io(&study, c))?;
+                write(&study, with_labels(&text))?;
             }
-            fs::write(&made, "").map_err(|cause| Failure::io(&made, cause))?;
+            write(&made, "")?;
         }
         open(&StudyArguments { study, out: None })
     }

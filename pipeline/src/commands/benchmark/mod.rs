@@ -8,13 +8,14 @@ mod case;
 mod page;
 mod tally;
 
+use super::write;
 use crate::{cli::BenchmarkArguments, display::Task};
 use case::{Case, Kind};
 use mammotwin_data::{Failure, progress::Progress};
 use mammotwin_stages::{
     discover::{Evidence, Judge, RigidError, Score, Screening, Verdict, trial::Errors},
     effects::Effect,
-    volunteer::PoseName,
+    volunteer::{PoseName, Preset},
 };
 use nalgebra::DVector;
 use rand::SeedableRng;
@@ -22,7 +23,6 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use std::{
     fs,
-    path::Path,
     time::{Duration, Instant},
 };
 use tally::{Tier, Trial};
@@ -57,6 +57,7 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     let end = arguments.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * minutes));
     let late = || end.is_some_and(|end| Instant::now() >= end);
     let task = Task::new("benchmark");
+    let voxel_mm = Preset::named(&arguments.preset)?.image.voxel_mm.iter().sum::<f64>() / 3.0;
     let mut results = tally::Results::default();
     for &seed in &arguments.seeds {
         let case = |hidden: Option<(&'static Effect, f64)>, sigma: f64, kind: Kind| Case {
@@ -71,7 +72,7 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
         let null = case(None, 0.0, Kind::Exact).evidence()?;
         let (screening, _) = Judge::new(&null, HELD_OUT.name())?.linear(&null.residual);
         results.extend(nulls(&null, seed, arguments.draws)?);
-        results.extend(decoys(&null, seed, arguments.draws)?);
+        results.extend(decoys(&null, seed, arguments.draws, voxel_mm)?);
         let mut cases = Vec::new();
         for &sigma in &arguments.sigmas {
             let all = severities(&screening, sigma).into_iter();
@@ -128,14 +129,10 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
         }
     }
     drop(task);
-    let put = |name: &str, text: &str| -> Result<(), Failure> {
-        let path: &Path = &out.join(name);
-        fs::write(path, text).map_err(|cause| Failure::io(path, cause))
-    };
     let page = page::markdown(&results, arguments);
-    put("trials.csv", &page::csv(&results))?;
-    put("detection.svg", &page::chart(&results))?;
-    put("discovery-benchmark.md", &page)?;
+    write(&out.join("trials.csv"), page::csv(&results))?;
+    write(&out.join("detection.svg"), page::chart(&results))?;
+    write(&out.join("discovery-benchmark.md"), &page)?;
     println!("{page}");
     Ok(())
 }
@@ -177,16 +174,15 @@ fn nulls(null: &Evidence, seed: u64, draws: usize) -> Result<Vec<Trial>, Failure
     Ok(verdicts.iter().map(|v| Trial::new(Tier::Null, seed, None, 0.0, v)).collect())
 }
 
-/// What must not be called physics: rigid errors three times as large, surfaces half a voxel off,
-/// noise half as large again.
-fn decoys(null: &Evidence, seed: u64, draws: usize) -> Result<Vec<Trial>, Failure> {
+/// What must not be called physics: rigid errors three times as large, surfaces half a voxel (of
+/// `voxel_mm`) off, noise half as large again.
+fn decoys(null: &Evidence, seed: u64, draws: usize, voxel_mm: f64) -> Result<Vec<Trial>, Failure> {
     let rigid = RigidError { shift_mm: 3.0 * RIGID.shift_mm, turn: 3.0 * RIGID.turn };
     let plain = Errors::new(null, &null.budget, RIGID)?;
     let moved = Errors::new(null, &null.budget, rigid)?;
-    let half_voxel_mm = 0.5;
     let verdicts = tried(null, draws, !seed & 0xffff, |draw, random| match draw % 3 {
         0 => moved.draw(random),
-        1 => plain.draw(random) + plain.biased(half_voxel_mm, random),
+        1 => plain.draw(random) + plain.biased(0.5 * voxel_mm, random),
         _ => 1.5 * plain.draw(random),
     })?;
     Ok(verdicts.iter().map(|v| Trial::new(Tier::Decoy, seed, None, 0.0, v)).collect())

@@ -1,0 +1,78 @@
+//! The breast-like body between two plates, 132 mm apart at first.
+
+use super::Body;
+use mammotwin_data::{Vec3, mesh::Patch, progress::Silent};
+use mammotwin_solver::compress::{Closing, Compressed, Plates, Stops, compress};
+use mammotwin_solver::materials::Law;
+use mammotwin_solver::paddles::Paddle;
+use mammotwin_solver::terms::Bulk;
+use mammotwin_solver::{Model, Options};
+
+/// Where the plates' edges are, from the base (mm).
+pub const EDGE_MM: f64 = 20.0;
+
+/// How it is squeezed.
+pub struct Squeeze {
+    pub law: Law,
+    pub radius_mm: f64,
+    pub paddle: Paddle,
+    pub middle_mm: f64,
+    pub friction: f64,
+    pub step_mm: f64,
+    pub stops: Stops,
+}
+
+impl Squeeze {
+    /// The plates against the skin of a body.
+    pub fn plates(&self, body: &Body) -> Plates {
+        Plates {
+            axis: Vec3::y(),
+            away: Vec3::z(),
+            edge_mm: EDGE_MM,
+            radius_mm: self.radius_mm,
+            friction: self.friction,
+            paddle: self.paddle.clone(),
+            middle_mm: self.middle_mm,
+            faces: body.mesh.patch(Patch::Skin).to_vec(),
+        }
+    }
+
+    /// Closes the plates on a body that is held at its chest wall, and says how.
+    pub fn run(&self, body: &Body) -> Compressed {
+        let mesh = &body.mesh;
+        let mut model = Model::new(mesh);
+        let laws = vec![self.law; mesh.tets.len()];
+        model.add(Bulk::new("breast", mesh, laws).unwrap()).unwrap();
+        for node in mesh.patch_nodes(Patch::ChestWall) {
+            model.fix_node(node);
+        }
+        let closing = Closing {
+            receptor_mm: -66.0,
+            thickness_mm: 132.0,
+            receptor_share: 0.5,
+            step_mm: self.step_mm,
+            stops: self.stops,
+        };
+        let plates = self.plates(body);
+        let clock = std::time::Instant::now();
+        let options = Options::default();
+        let done = compress(model, &plates, &closing, &mesh.points, &options, &Silent).unwrap();
+        for step in &done.steps {
+            println!(
+                "{:6.1} mm {:6.2}° {:6.2}° {:.2} mm {:.4} N {:.4} N, {:.0} and {:.0} mm², {:.3} kPa",
+                step.thickness_mm,
+                step.tilt_rad.to_degrees(),
+                step.roll_rad.to_degrees(),
+                step.deflection_mm,
+                step.paddle_force_mn / 1e3,
+                step.receptor_force_mn / 1e3,
+                step.contact_area_mm2,
+                step.front_area_mm2,
+                step.mean_pressure_kpa,
+            );
+        }
+        let Compressed { stopped_early, met, solution, .. } = &done;
+        println!("{:?}: {met:?} {stopped_early:?} {:?}", clock.elapsed(), solution.checks);
+        done
+    }
+}
