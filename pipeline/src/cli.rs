@@ -328,6 +328,9 @@ pub struct SynthArguments {
     /// greatest plausible amplitude (see `mammotwin effects`)
     #[arg(long, value_name = "EFFECT[=AMPLITUDE]", value_delimiter = ',')]
     pub hide: Vec<String>,
+    /// Elements that the study asks for: linear, quadratic [default: those of the preset]
+    #[arg(long, value_name = "KIND")]
+    pub elements: Option<String>,
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,

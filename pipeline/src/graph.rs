@@ -116,7 +116,7 @@ fn body(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     let poses = images(study, &reference, run)?;
     let gravity = gravity(&reference, &study.poses[&reference])?;
 
-    let mesh = Mesh { size_mm: study.mesh.size_mm };
+    let mesh = Mesh(study.mesh);
     let mesh = run.stage("", &mesh, &poses[&reference].labels)?;
 
     let mut fitted = Vec::new();
@@ -173,7 +173,7 @@ pub fn discover(study: &Study, held_out: &str, run: &Run<'_>) -> Result<Found, F
     let gather = Gather {
         model: study.model.clone(),
         calibrate: study.calibrate.clone(),
-        size_mm: study.mesh.size_mm,
+        mesh: study.mesh,
         gravity: gravity(&reference, &study.poses[&reference])?,
         poses: names,
         reference: reference.clone(),

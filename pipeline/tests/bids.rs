@@ -60,6 +60,7 @@ fn volunteer(folder: &Path, seed: u64, poses: &[PoseName]) -> PathBuf {
         poses: poses.to_vec(),
         hidden: BTreeMap::new(),
         still: false,
+        elements: None,
         out_dir: out_dir.clone(),
     };
     volunteer::synthesize(&settings, &Silent).unwrap();

@@ -180,9 +180,10 @@ impl Stage for Compress {
             let text = format!("compress.side: the mesh has no {} breast", side.name());
             return Err(Failure::BadInput(text));
         };
-        let part = crop(&whole.mesh, side, whole.anatomy.sternum_x_mm, 0.0);
+        let part = crop(&whole.corners(), side, whole.anatomy.sternum_x_mm, 0.0);
         let anatomy = Anatomy { breasts: vec![base.clone()], ..whole.anatomy.clone() };
-        let body = Body { mesh: &part.mesh, anatomy: &anatomy, ..Body::new(whole, &self.model) };
+        let (mesh, anatomy) = (&part.mesh, &anatomy);
+        let body = Body { mesh, anatomy, quadratic: None, ..Body::new(whole, &self.model) };
         let rest = part.take(self.start(calibration)?);
         let moduli = calibration.after.moduli;
         let law = LawOverride {

@@ -1,6 +1,6 @@
 //! Labels of the reference pose to tetrahedra on a smooth chest wall.
 
-use crate::model::Anatomy;
+use crate::model::{Anatomy, Quadratic};
 use mammotwin_data::{
     Failure, Vec3,
     io::hdf5,
@@ -8,6 +8,7 @@ use mammotwin_data::{
     mesh::{Patch, TetMesh},
     progress::Progress,
     store::{Artifact, Stage},
+    study::{Elements, MeshPlan},
     volume::{Grid, Volume},
 };
 use mammotwin_imaging::mri::distance_field::{FieldPlan, distance_field};
@@ -22,36 +23,47 @@ use mammotwin_solver::{
 };
 use rayon::prelude::*;
 use serde::Serialize;
-use std::path::Path;
+use std::{borrow::Cow, path::Path};
 
 /// Spacing (mm) of the chest wall's distance field: smooth, since contact needs its curvature.
 const WALL_SPACING_MM: f64 = 3.0;
 /// Spacing (mm) of the skin's distance field.
 const SKIN_SPACING_MM: f64 = 2.0;
-/// Skin and fat in front of the chest wall are at least so many elements thick: thinner ones would
-/// fall apart.
-const THINNEST_COVER: f64 = 0.75;
-/// Layers with fewer breast voxels than this share of the fullest layer do not count as breast.
-const THIN_LAYER: f64 = 0.1;
+/// Skin and fat in front of the chest wall are at least so many edges thick: thinner ones would
+/// fall apart. Thicker ones would let the breast sag farther.
+const THINNEST_COVER: f64 = 0.4;
+/// Layers with fewer breast voxels than this share of the median layer do not count as breast: beside
+/// the breasts a layer holds nothing but the fat under the skin.
+const THIN_LAYER: f64 = 0.25;
 
 /// Meshes the breasts of one pose: what lies between skin, chest wall and the breast limits.
 #[derive(Debug, Clone, Serialize)]
-pub struct Mesh {
-    /// Edge length of the tetrahedra (mm).
-    pub size_mm: f64,
-}
+pub struct Mesh(pub MeshPlan);
 
 /// The breasts of the reference pose, ready for mechanics.
 #[derive(Debug, Clone)]
 pub struct BreastMesh {
-    /// Both breasts with the fat between and beside them.
+    /// Both breasts with the fat between and beside them; the parts of their elements where these are
+    /// quadratic.
     pub mesh: TetMesh,
+    /// The elements, where these are quadratic.
+    pub quadratic: Option<Quadratic>,
     /// Signed distance (mm) to the chest wall, positive in front of it.
     pub wall: Volume<f32>,
     /// Where the breasts are.
     pub anatomy: Anatomy,
     /// Shape of the elements.
     pub quality: Quality,
+}
+
+impl BreastMesh {
+    /// The tetrahedra of four nodes: elements or, where these are quadratic, the straight ones between
+    /// their corners, which have the first numbers among the nodes.
+    pub fn corners(&self) -> Cow<'_, TetMesh> {
+        self.quadratic
+            .as_ref()
+            .map_or(Cow::Borrowed(&self.mesh), |quadratic| Cow::Owned(quadratic.corners()))
+    }
 }
 
 impl Artifact for BreastMesh {
@@ -61,6 +73,8 @@ impl Artifact for BreastMesh {
         let mut file = hdf5::Writer::create(path)?;
         file.frame(hdf5::Frame::Ras)?;
         file.put_mesh("mesh", &self.mesh)?;
+        let quadratic = u8::from(self.quadratic.is_some());
+        file.put_scalar("quadratic", quadratic, "1", "whether eight tetrahedra are one element")?;
         file.put_volume("wall", &self.wall, "mm", "signed distance in front of the chest wall")?;
         file.put_json("anatomy", &self.anatomy, "bases of the breasts on the chest wall")?;
         file.put_json("quality", &self.quality, "shape measures of the tetrahedra")?;
@@ -69,8 +83,11 @@ impl Artifact for BreastMesh {
 
     fn load(path: &Path) -> Result<Self, Failure> {
         let file = hdf5::Reader::open(path)?;
+        let mesh = file.mesh("mesh")?;
+        let quadratic: u8 = file.scalar("quadratic")?;
         Ok(Self {
-            mesh: file.mesh("mesh")?,
+            quadratic: (quadratic == 1).then(|| Quadratic::of_parts(&mesh)),
+            mesh,
             wall: file.volume("wall")?,
             anatomy: file.json("anatomy")?,
             quality: file.json("quality")?,
@@ -130,7 +147,7 @@ impl Limits {
     }
 }
 
-/// First and last layer (of thickness `step`) that holds a fair share of the values.
+/// First and last layer (of thickness `step`) that holds a fair number of the values.
 fn occupied(values: &[f64], step: f64) -> (f64, f64) {
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
     let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
@@ -138,7 +155,9 @@ fn occupied(values: &[f64], step: f64) -> (f64, f64) {
     for v in values {
         counts[((v - low) / step) as usize] += 1;
     }
-    let enough = THIN_LAYER * counts.iter().copied().max().unwrap_or(0) as f64;
+    let mut filled: Vec<usize> = counts.iter().copied().filter(|&n| n > 0).collect();
+    filled.sort_unstable();
+    let enough = THIN_LAYER * filled.get(filled.len() / 2).copied().unwrap_or(0) as f64;
     let first = counts.iter().position(|&n| n as f64 >= enough).unwrap_or(0);
     let last = counts.iter().rposition(|&n| n as f64 >= enough).unwrap_or(0);
     (low + first as f64 * step, low + (last as f64 + 1.0) * step)
@@ -228,7 +247,7 @@ fn corners(grid: &Grid) -> (Vec3, Vec3) {
 
 impl Stage for Mesh {
     const NAME: &'static str = "mesh";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const METHODS: &'static str = "The tissue between skin, pectoral muscle and the breast limits was filled with \
          tetrahedra by clipping a body-centred lattice on smooth signed distance fields \
          (after Labelle and Shewchuk, ACM Trans. Graph. 26 (2007) 57).";
@@ -236,7 +255,7 @@ impl Stage for Mesh {
     type Output = BreastMesh;
 
     fn run(&self, labels: &LabelMap, progress: &dyn Progress) -> Result<BreastMesh, Failure> {
-        self.lying(labels, Meshing::of_size(self.size_mm).placement, progress)
+        self.lying(labels, Meshing::of_size(self.0.size_mm).placement, progress)
     }
 }
 
@@ -251,6 +270,7 @@ impl Mesh {
         placement: Placement,
         progress: &dyn Progress,
     ) -> Result<BreastMesh, Failure> {
+        let MeshPlan { size_mm, elements } = self.0;
         let limits = Limits::of(labels)?;
         let field = |mask: Volume<bool>, spacing_mm: f64| {
             distance_field(&mask, &FieldPlan::of_spacing(spacing_mm))
@@ -261,7 +281,7 @@ impl Mesh {
         progress.report(0.3, "distance field of the chest wall");
         let mut wall = field(labels.map(Tissue::is_chest_wall), WALL_SPACING_MM)?;
         let spline = GridDistance::new(&skin);
-        sink(&mut wall, &spline, THINNEST_COVER * self.size_mm);
+        sink(&mut wall, &spline, THINNEST_COVER * size_mm);
         let (mut low, mut high) = corners(&skin.grid);
         (low.y, low.z) = (limits.lateral_mm, limits.inferior_mm);
         high.z = limits.superior_mm;
@@ -275,13 +295,20 @@ impl Mesh {
             if p.x > limits.sternum_mm { Tissue::AdiposeRight } else { Tissue::AdiposeLeft }
         };
         progress.report(0.5, "tetrahedra");
-        let meshing = Meshing { size_mm: self.size_mm, placement };
+        let meshing = Meshing { size_mm, placement };
         let mesh = tetrahedralize(&domain, &meshing, tissue)
             .map_err(|cause| Failure::Numerics(format!("mesh: {cause}")))?;
         let anatomy = Anatomy::of(&mesh, limits.sternum_mm)
             .map_err(|cause| Failure::BadInput(format!("labels: {cause}")))?;
         let quality = quality(&mesh.points, &mesh.tets);
-        Ok(BreastMesh { mesh, wall, anatomy, quality })
+        let (mesh, quadratic) = match elements {
+            Elements::Linear => (mesh, None),
+            Elements::Quadratic => {
+                let (quadratic, parts) = Quadratic::fitted(mesh, &domain);
+                (parts, Some(quadratic))
+            }
+        };
+        Ok(BreastMesh { mesh, quadratic, wall, anatomy, quality })
     }
 }
 

@@ -130,8 +130,9 @@ impl PoseTarget {
         start: &[Vec3],
     ) -> Result<Solution, Failure> {
         let model = body.model(rest, moduli, self.gravity, None)?;
-        solve(&model, start, &Options::default(), &Silent)
-            .map_err(|cause| Failure::Numerics(format!("{}: {cause}", self.pose)))
+        let solution = solve(&model, start, &Options::default(), &Silent)
+            .map_err(|cause| Failure::Numerics(format!("{}: {cause}", self.pose)))?;
+        Ok(body.spread(solution))
     }
 
     /// Compares a simulated body with what was measured.

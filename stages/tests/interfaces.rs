@@ -6,7 +6,7 @@ use mammotwin_data::{
     mesh::Patch,
     progress::Silent,
     solution::Solution,
-    study::{InterfaceKind, InterfacePlan, InterfaceRegion, RegionPlan},
+    study::{Elements, InterfaceKind, MeshPlan, InterfacePlan, InterfaceRegion, RegionPlan},
 };
 use mammotwin_solver::{Options, SolveError, solve};
 use mammotwin_stages::model::{Moduli, region};
@@ -15,6 +15,9 @@ use mammotwin_stages::volunteer::{PoseName, Preset, Torso, mechanics::TruthBody,
 /// How far (mm) nodes of the chest wall went, with their regions.
 type Ways = Vec<(Option<InterfaceRegion>, f64)>;
 
+/// Elements of the bodies.
+const LINEAR: MeshPlan = MeshPlan { size_mm: 13.0, elements: Elements::Linear };
+
 struct Volunteer {
     torso: Torso,
     body: TruthBody,
@@ -22,7 +25,7 @@ struct Volunteer {
 
 fn volunteer() -> Volunteer {
     let torso = Torso::new(Preset::named("tiny").unwrap(), 1);
-    let body = TruthBody::new(&torso, torso.person.truth_mesh.size_mm, &Silent).unwrap();
+    let body = TruthBody::new(&torso, LINEAR, &Silent).unwrap();
     Volunteer { torso, body }
 }
 

@@ -49,6 +49,7 @@ fn errors(preset: &str, seed: u64, voxel_mm: f64) -> Vec<[[f64; 2]; 2]> {
         poses: vec![PoseName::Supine, PoseName::Prone, PoseName::Tilted],
         hidden: std::collections::BTreeMap::new(),
         still: false,
+        elements: None,
         out_dir: folder.path().into(),
     };
     synthesize(&settings, &Silent).unwrap();

@@ -4,7 +4,7 @@
 
 use mammotwin_data::{
     progress::Silent,
-    study::{InterfaceKind, InterfacePlan, LayerPlan, ModelPlan},
+    study::{Elements, InterfaceKind, MeshPlan, InterfacePlan, LayerPlan, ModelPlan},
 };
 use mammotwin_solver::unload::{self, Method, stress_free};
 use mammotwin_stages::model::Moduli;
@@ -35,7 +35,9 @@ struct Volunteer {
 
 fn volunteer(preset: &str) -> Volunteer {
     let torso = Torso::new(Preset::named(preset).unwrap(), 1);
-    let body = TruthBody::new(&torso, torso.person.truth_mesh.size_mm, &Silent).unwrap();
+    let size_mm = if preset == "tiny" { 13.0 } else { 8.5 };
+    let meshing = MeshPlan { size_mm, elements: Elements::Linear };
+    let body = TruthBody::new(&torso, meshing, &Silent).unwrap();
     println!("{preset}: {} tetrahedra", body.mesh.tets.len());
     Volunteer { body, plan: model_plan(&torso.person) }
 }

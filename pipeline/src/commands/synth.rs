@@ -5,7 +5,7 @@ use crate::{
     cli::{DemoArguments, StudyArguments, SynthArguments},
     display::{Task, say},
 };
-use mammotwin_data::{Failure, store::Options};
+use mammotwin_data::{Failure, store::Options, study::Elements};
 use mammotwin_stages::{
     effects::{EFFECTS, Effect},
     volunteer::{self, PoseName, Settings},
@@ -27,7 +27,7 @@ pub fn demo(arguments: &DemoArguments) -> Result<(), Failure> {
     let study = arguments.out.join("study.toml");
     // Written last: with this note all files of the volunteer are there.
     let note = arguments.out.join("volunteer.txt");
-    let Settings { preset, seed, voxel_mm, poses, hidden: _, still: _, out_dir: _ } = &settings;
+    let Settings { preset, seed, voxel_mm, poses, hidden: _, still: _, elements: _, out_dir: _ } = &settings;
     let version = env!("CARGO_PKG_VERSION");
     let text = format!("mammotwin {version}: {preset} {seed} {voxel_mm:?} {poses:?}\n");
     if !study.exists() || fs::read_to_string(&note).ok().as_ref() != Some(&text) {
@@ -67,8 +67,16 @@ fn settings(arguments: &SynthArguments) -> Result<Settings, Failure> {
     refuse_someone(&arguments.out)?;
     let (preset, seed) = (arguments.preset.clone(), arguments.seed);
     let hidden = hidden(&arguments.hide)?;
+    let elements = arguments.elements.as_deref().map(elements).transpose()?;
     let out_dir = arguments.out.clone();
-    Ok(Settings { preset, seed, voxel_mm, poses, hidden, still: false, out_dir })
+    Ok(Settings { preset, seed, voxel_mm, poses, hidden, still: false, elements, out_dir })
+}
+
+fn elements(word: &str) -> Result<Elements, Failure> {
+    let known = [Elements::Linear, Elements::Quadratic];
+    known.into_iter().find(|elements| elements.name() == word).ok_or_else(|| {
+        Failure::Usage(format!("--elements: no kind {word:?}; there are: linear, quadratic"))
+    })
 }
 
 /// `EFFECT` or `EFFECT=AMPLITUDE`; without a number it is half of the greatest plausible one.

@@ -1,4 +1,4 @@
-//! Tissue as ten-node tetrahedra: slow and accurate, to verify the linear ones.
+//! Tissue as ten-node tetrahedra: slower and more accurate than the linear ones.
 //!
 //! Displacement alone, quadratic between corners and edge nodes; edges may be curved. The strain of
 //! a straight element is linear, so that it hardly locks even at a Poisson's ratio of 0.499.
@@ -6,7 +6,7 @@
 use super::solid::{self, Point};
 use super::{At, Block, Order, Term};
 use crate::materials::{InvariantEnergy, Law, Material, MaterialError};
-use crate::mesh::quadratic::{QuadraticMesh, TET_EDGES};
+use crate::mesh::quadratic::{QuadraticMesh, TET_EDGES, shapes, slopes};
 use crate::model::ModelError;
 use mammotwin_data::{Mat3, Vec3, solution::Solution};
 use nalgebra::Vector4;
@@ -44,29 +44,6 @@ impl Rule {
             }
         }
     }
-}
-
-/// Values of the ten shape functions.
-fn shapes(l: &Vector4<f64>) -> [f64; 10] {
-    std::array::from_fn(|n| match n {
-        0..4 => l[n] * (2.0 * l[n] - 1.0),
-        _ => 4.0 * l[TET_EDGES[n - 4][0]] * l[TET_EDGES[n - 4][1]],
-    })
-}
-
-/// Derivatives of the ten shape functions by the barycentric coordinates.
-fn slopes(l: &Vector4<f64>) -> [Vector4<f64>; 10] {
-    std::array::from_fn(|n| {
-        let mut slope = Vector4::zeros();
-        match n {
-            0..4 => slope[n] = 4.0 * l[n] - 1.0,
-            _ => {
-                let [a, b] = TET_EDGES[n - 4];
-                (slope[a], slope[b]) = (4.0 * l[b], 4.0 * l[a]);
-            }
-        }
-        slope
-    })
 }
 
 /// A quadrature point of a rest element.

@@ -53,16 +53,47 @@ struct Sample {
 pub struct QuadraticMembrane {
     name: String,
     faces: Vec<[u32; 6]>,
-    law: Law,
+    laws: Vec<Law>,
     samples: Vec<Vec<Sample>>,
 }
 
 impl QuadraticMembrane {
-    /// A sheet of one thickness (mm) and law on `faces`, stress-free with the nodes at `points`.
-    /// The law's Young's modulus counts; its Poisson's ratio does not.
+    /// A sheet on `faces`, stress-free with the nodes at `points`, with one thickness (mm) and one
+    /// law for each face. The laws' Young's moduli count; their Poisson's ratios do not.
     ///
     /// # Errors
-    /// A thickness that is not positive, or a face without area.
+    /// Other numbers of thicknesses or laws than faces, a thickness that is not positive, or a
+    /// face without area.
+    pub fn new(
+        name: &str,
+        points: &[Vec3],
+        faces: &[[u32; 6]],
+        thickness_mm: &[f64],
+        laws: &[Law],
+    ) -> Result<Self, ModelError> {
+        let term = || name.to_owned();
+        for (what, got) in [("thicknesses", thickness_mm.len()), ("laws", laws.len())] {
+            if got != faces.len() {
+                return Err(ModelError::Count { term: term(), what, wanted: faces.len(), got });
+            }
+        }
+        let one = |(element, (face, &thickness)): (usize, (&[u32; 6], &f64))| {
+            if !(thickness > 0.0 && thickness.is_finite()) {
+                return Err(ModelError::Thickness { term: term(), element, thickness });
+            }
+            let x = face.map(|n| points[n as usize]);
+            samples(&x, thickness).ok_or(ModelError::Flat { term: term(), element, size: 0.0 })
+        };
+        let samples =
+            faces.iter().zip(thickness_mm).enumerate().map(one).collect::<Result<_, _>>()?;
+        let laws = laws.iter().map(|law| law.incompressible()).collect();
+        Ok(Self { name: name.into(), faces: faces.to_vec(), laws, samples })
+    }
+
+    /// A sheet of one thickness (mm) and law.
+    ///
+    /// # Errors
+    /// As [`QuadraticMembrane::new`].
     pub fn uniform(
         name: &str,
         points: &[Vec3],
@@ -70,20 +101,7 @@ impl QuadraticMembrane {
         thickness_mm: f64,
         law: Law,
     ) -> Result<Self, ModelError> {
-        let term = || name.to_owned();
-        if !(thickness_mm > 0.0 && thickness_mm.is_finite()) {
-            return Err(ModelError::Thickness {
-                term: term(),
-                element: 0,
-                thickness: thickness_mm,
-            });
-        }
-        let one = |(element, face): (usize, &[u32; 6])| {
-            let x = face.map(|n| points[n as usize]);
-            samples(&x, thickness_mm).ok_or(ModelError::Flat { term: term(), element, size: 0.0 })
-        };
-        let samples = faces.iter().enumerate().map(one).collect::<Result<_, _>>()?;
-        Ok(Self { name: name.into(), faces: faces.to_vec(), law: law.incompressible(), samples })
+        Self::new(name, points, faces, &vec![thickness_mm; faces.len()], &vec![law; faces.len()])
     }
 }
 
@@ -127,7 +145,7 @@ impl Term for QuadraticMembrane {
         let x = self.faces[element].map(|n| at.points[n as usize]);
         for Sample { volume, gradients } in &self.samples[element] {
             let f = (0..6).map(|n| x[n] * gradients[n].transpose()).sum();
-            sheet::add(&self.law, *volume, &f, gradients, order, block)?;
+            sheet::add(&self.laws[element], *volume, &f, gradients, order, block)?;
         }
         Ok(())
     }

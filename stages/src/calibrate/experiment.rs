@@ -110,7 +110,7 @@ impl<'a> Experiment<'a> {
         for (n, target) in self.targets.iter().enumerate() {
             progress.report(0.6 + 0.4 * n as f64 / self.targets.len() as f64, doing);
             let solution = if n == 0 {
-                found.loaded.clone()
+                body.spread(found.loaded.clone())
             } else {
                 let near = near.map_or(&[][..], |fit| &fit.poses);
                 let same = near.iter().find(|pose| pose.pose == target.pose);

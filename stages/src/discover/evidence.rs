@@ -3,7 +3,7 @@
 
 use super::{
     budget::{Budget, mean},
-    observe::{Shape, differences, edges, residual, skin, weighed},
+    observe::{Shape, carried, edges, residual, skin, weighed},
     refit::with_effect,
 };
 use crate::{
@@ -20,7 +20,7 @@ use mammotwin_data::{
     labels::LabelMap,
     progress::{Progress, Silent},
     store::{Artifact, Stage},
-    study::{CalibratePlan, ModelPlan},
+    study::{CalibratePlan, MeshPlan, ModelPlan},
 };
 use mammotwin_solver::mesh::lattice::Placement;
 use nalgebra::DVector;
@@ -157,8 +157,8 @@ pub struct Gather {
     pub model: ModelPlan,
     /// How the stress-free shape is found.
     pub calibrate: CalibratePlan,
-    /// Edge length (mm) of the model's mesh.
-    pub size_mm: f64,
+    /// The model's mesh.
+    pub mesh: MeshPlan,
     /// Name of the reference pose.
     pub reference: String,
     /// Unit vector of gravity in the reference pose.
@@ -190,7 +190,7 @@ impl Gather {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, with their derivatives by the moduli and by the amplitude of each effect of \
          a library, and their differences to the same model on five other meshes.";
@@ -221,14 +221,16 @@ impl Stage for Gather {
         let shapes: Vec<Shape> =
             base.poses[1..].iter().map(|pose| shape(&pose.solution.points)).collect();
 
+        let reference = shape(&mesh.mesh.points);
+        let here = residual(&base, &weighed);
         progress.report(0.1, "the same model on other meshes");
         let other = |(part, placement): (f64, Placement)| {
-            let meshing = Mesh { size_mm: part * self.size_mm };
+            let meshing = Mesh(MeshPlan { size_mm: part * self.mesh.size_mm, ..self.mesh });
             let other = meshing.lying(labels, placement, &Silent)?;
             let experiment = Experiment::new(&other, &self.model, &self.calibrate, &measured)?;
             // A mesh on which the model fails tells nothing.
             let Ok(fit) = experiment.evaluate(moduli, None, &Silent, "") else { return Ok(None) };
-            differences(&shapes, &fit.poses[1..], &other).map(Some)
+            Ok(Some(&here - carried(&reference, &other, &fit)?))
         };
         let meshings: Vec<Option<DVector<f64>>> =
             MESHINGS.into_par_iter().map(other).collect::<Result<_, Failure>>()?;
@@ -243,7 +245,6 @@ impl Stage for Gather {
         }
 
         progress.report(0.55, "signatures of the effects");
-        let here = residual(&base, &weighed);
         let off = mean(&meshings);
         let by_modulus = |[right, left]: [f64; 2]| {
             let mut moduli = moduli;
@@ -268,7 +269,7 @@ impl Stage for Gather {
         let edges = edges(mesh, &nodes);
         Ok(Evidence {
             poses: self.poses.clone(),
-            reference: shape(&mesh.mesh.points),
+            reference,
             budget: Budget::of(&edges, nodes.len(), &(&here - &off)),
             weighed,
             edges,

@@ -19,12 +19,14 @@ pub struct Shape {
 /// distances there are those of its bump.
 const NIPPLE_MM: f64 = 15.0;
 
-/// Places, among the nodes that a fit compares, of those that are weighed.
+/// Places, among the nodes that a fit compares, of those that are weighed: corners of elements beside
+/// the nipples.
 pub(super) fn weighed(mesh: &BreastMesh, active: &[u32]) -> Vec<u32> {
+    let corners = mesh.corners().points.len();
     let smooth = |node: u32| {
         let point = &mesh.mesh.points[node as usize];
         let near = |base: &BreastBase| (base.nipple - point).norm() < NIPPLE_MM;
-        !mesh.anatomy.breasts.iter().any(near)
+        (node as usize) < corners && !mesh.anatomy.breasts.iter().any(near)
     };
     (0..).zip(active).filter(|(_, node)| smooth(**node)).map(|(place, _)| place).collect()
 }
@@ -33,7 +35,7 @@ pub(super) fn weighed(mesh: &BreastMesh, active: &[u32]) -> Vec<u32> {
 pub(super) fn edges(mesh: &BreastMesh, nodes: &[u32]) -> Vec<[u32; 2]> {
     let place: BTreeMap<u32, u32> = nodes.iter().zip(0..).map(|(&node, at)| (node, at)).collect();
     let mut edges = BTreeSet::new();
-    for face in mesh.mesh.patch(Patch::Skin) {
+    for face in mesh.corners().patch(Patch::Skin) {
         for n in 0..3 {
             let (a, b) = (place.get(&face[n]), place.get(&face[(n + 1) % 3]));
             if let (Some(&a), Some(&b)) = (a, b) {
@@ -59,21 +61,56 @@ pub(super) fn residual(fit: &Fit, weighed: &[u32]) -> DVector<f64> {
     DVector::from_vec(fit.poses[1..].iter().flat_map(one).collect())
 }
 
-/// Signed distances (mm) of the nodes of all poses to the skin of the same poses on another mesh.
-pub(super) fn differences(
-    shapes: &[Shape],
-    other: &[PoseFit],
-    mesh: &BreastMesh,
+/// The residuals (mm) of a fit on another mesh, all poses, at the places of nodes of the reference pose.
+///
+/// Residuals are smooth along the skin, faces are chords of it: the skins of two meshes would differ by
+/// these chords where they are the same.
+pub(super) fn carried(
+    reference: &Shape,
+    other: &BreastMesh,
+    fit: &Fit,
 ) -> Result<DVector<f64>, Failure> {
     let wrong = |cause: &dyn std::fmt::Display| Failure::Numerics(format!("discover: {cause}"));
+    let skin = skin(other, &other.mesh.points);
+    let index = SurfaceIndex::new(&skin).map_err(|c| wrong(&c))?;
+    let closest = index.closest_of(&reference.points).map_err(|c| wrong(&c))?;
     let mut all = Vec::new();
-    for (shape, other) in shapes.iter().zip(other) {
-        let index =
-            SurfaceIndex::new(&skin(mesh, &other.solution.points)).map_err(|c| wrong(&c))?;
-        let closest = index.closest_of(&shape.points).map_err(|c| wrong(&c))?;
-        all.extend(closest.iter().zip(&shape.points).map(|(c, p)| c.signed_mm(p)));
+    for pose in &fit.poses[1..] {
+        let known: BTreeMap<u32, f64> =
+            pose.active.iter().copied().zip(pose.signed_mm.iter().copied()).collect();
+        for found in &closest {
+            let corners = skin.triangles[found.triangle];
+            let weights = barycentric(corners.map(|n| skin.points[n as usize]), &found.point);
+            let (mut sum, mut weight) = (0.0, 0.0);
+            for (node, part) in corners.iter().zip(weights) {
+                if let Some(signed_mm) = known.get(node) {
+                    sum += part * signed_mm;
+                    weight += part;
+                }
+            }
+            if weight < LEAST_KNOWN {
+                // Beside what that mesh compares: its nearest node that it does.
+                let far = |n: &u32| (skin.points[*n as usize] - found.point).norm_squared();
+                let near = known.keys().min_by(|a, b| far(a).total_cmp(&far(b)));
+                let near = near.ok_or_else(|| wrong(&"another mesh compares no skin"))?;
+                (sum, weight) = (known[near], 1.0);
+            }
+            all.push(sum / weight);
+        }
     }
     Ok(DVector::from_vec(all))
+}
+
+/// Weight of compared corners with which a residual is interpolated.
+const LEAST_KNOWN: f64 = 0.3;
+
+/// Barycentric coordinates of a point of a triangle.
+fn barycentric([a, b, c]: [Vec3; 3], p: &Vec3) -> [f64; 3] {
+    let normal = (b - a).cross(&(c - a));
+    let part = |x: Vec3, y: Vec3| (x - p).cross(&(y - p)).dot(&normal);
+    let parts = [part(b, c), part(c, a), part(a, b)].map(|part| part.max(0.0));
+    let sum: f64 = parts.iter().sum();
+    if sum > 0.0 { parts.map(|part| part / sum) } else { [1.0 / 3.0; 3] }
 }
 
 /// Rows of some poses among those of all, of `nodes` each.

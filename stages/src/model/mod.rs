@@ -7,10 +7,12 @@
 mod anatomy;
 mod interface;
 mod ligaments;
+mod quadratic;
 mod recipe;
 
 pub use anatomy::{Anatomy, BreastBase, NoBreast};
 pub use ligaments::{CablePlan, LENGTH_MM, Ligament, cables, lateral_cables, region, shared_nodes};
+pub use quadratic::Quadratic;
 pub use recipe::{Recipe, SheetPlan, Tether, TissuePlan};
 
 use crate::mesh::BreastMesh;
@@ -18,10 +20,12 @@ use mammotwin_data::{
     Failure, Vec3,
     labels::Side,
     mesh::{Patch, TetMesh},
+    solution::Solution,
     study::{LawConstants, LawName, ModelPlan},
 };
 use mammotwin_solver::{
-    model::Model,
+    materials::LawError,
+    model::{Model, ModelError},
     terms::{Bulk, Cables, Gravity, GridDistance, Membrane, Target},
 };
 use serde::{Deserialize, Serialize};
@@ -75,13 +79,16 @@ pub struct Body<'a> {
     pub anatomy: &'a Anatomy,
     /// Tissues and supports.
     pub plan: &'a ModelPlan,
+    /// Quadratic elements on the nodes of `mesh`, whose tetrahedra are their parts; without it the
+    /// tetrahedra of `mesh` are the elements.
+    pub quadratic: Option<&'a Quadratic>,
 }
 
 impl<'a> Body<'a> {
     /// The body of a mesh.
     pub fn new(mesh: &'a BreastMesh, plan: &'a ModelPlan) -> Self {
         let wall = Arc::new(GridDistance::new(&mesh.wall));
-        Self { mesh: &mesh.mesh, wall, anatomy: &mesh.anatomy, plan }
+        Self { mesh: &mesh.mesh, wall, anatomy: &mesh.anatomy, plan, quadratic: mesh.quadratic.as_ref() }
     }
 
     /// The model whose stress-free shape has its nodes at `rest`, under gravity along `gravity`
@@ -97,32 +104,41 @@ impl<'a> Body<'a> {
         law: Option<LawOverride>,
     ) -> Result<Model, Failure> {
         let plan = self.plan;
-        let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("model: {cause}"));
-        let recipe = Recipe::new(self.mesh, self.anatomy, plan, rest, moduli, gravity, law)?;
+        let elements = self.quadratic.map_or(self.mesh, |quadratic| &quadratic.parents);
+        let recipe = Recipe::new(elements, self.anatomy, plan, rest, moduli, gravity, law)?;
+        let mut model = Model::new(&TetMesh { points: rest.to_vec(), ..TetMesh::default() });
+        match self.quadratic {
+            None => self.linear(&mut model, rest, &recipe),
+            Some(quadratic) => quadratic.tissues(&mut model, rest, &recipe),
+        }
+        .map_err(|cause| Failure::BadInput(format!("model: {cause}")))?;
+        self.support(&mut model, rest, &recipe)?;
+        Ok(model)
+    }
+
+    /// A solution of this body's model with its fields on the tetrahedra of the mesh.
+    pub fn spread(&self, solution: Solution) -> Solution {
+        match self.quadratic {
+            Some(quadratic) => quadratic.spread(solution),
+            None => solution,
+        }
+    }
+
+    /// Tissue, sheets and weight on linear elements.
+    fn linear(&self, model: &mut Model, rest: &[Vec3], recipe: &Recipe) -> Result<(), TissueError> {
         let mesh = TetMesh { points: rest.to_vec(), ..self.mesh.clone() };
-        let mut model = Model::new(&mesh);
-        let laws = recipe.laws().map_err(|c| refuse(&c))?;
-        let breast = Bulk::new("breast", &mesh, laws).map_err(|c| refuse(&c))?;
-        model.add(breast).map_err(|c| refuse(&c))?;
-        // Smaller at rest everywhere: stretched by the same ratio.
-        let skin_rest: Vec<Vec3> = rest.iter().map(|p| p / recipe.skin_stretch).collect();
-        for (name, sheet, patch, rest) in [
-            ("skin", &recipe.skin, Patch::Skin, &skin_rest[..]),
-            ("fascia", &recipe.fascia, Patch::ChestWall, rest),
-        ] {
-            let (laws, thickness) = recipe::of_sheet(sheet).map_err(|c| refuse(&c))?;
+        model.add(Bulk::new("breast", &mesh, recipe.laws()?)?)?;
+        for (name, sheet, patch, stretch) in recipe.sheets() {
+            let rest = relaxed(rest, stretch);
+            let (laws, thickness_mm) = recipe::of_sheet(sheet)?;
             let faces = self.mesh.patch(patch);
-            let membrane =
-                Membrane::new(name, rest, faces, &thickness, &laws).map_err(|c| refuse(&c))?;
-            model.add(membrane).map_err(|c| refuse(&c))?;
+            model.add(Membrane::new(name, &rest, faces, &thickness_mm, &laws)?)?;
         }
         if recipe.gravity != Vec3::zeros() {
             let density = recipe.density_g_per_cm3;
-            let weight = Gravity::new("gravity", &mesh, density, recipe.gravity);
-            model.add(weight).map_err(|c| refuse(&c))?;
+            model.add(Gravity::new("gravity", &mesh, density, recipe.gravity))?;
         }
-        self.support(&mut model, rest, &recipe)?;
-        Ok(model)
+        Ok(())
     }
 
     /// Chest wall, ligaments and cut edges (Mîra 2018, § 3.4).
@@ -148,6 +164,20 @@ impl<'a> Body<'a> {
         }
         Ok(())
     }
+}
+
+/// Why tissue cannot be modelled.
+#[derive(Debug, thiserror::Error)]
+enum TissueError {
+    #[error(transparent)]
+    Law(#[from] LawError),
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+/// Rest positions (mm) of a sheet that is stretched alike everywhere where the whole is at rest.
+fn relaxed(rest: &[Vec3], stretch: f64) -> Vec<Vec3> {
+    rest.iter().map(|p| p / stretch).collect()
 }
 
 /// Poisson's ratio of membranes: they are incompressible by their kinematics, it has no effect.

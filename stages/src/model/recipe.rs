@@ -166,6 +166,14 @@ impl Recipe {
         self.tethers.iter_mut().filter(move |tether| tether.ligament == ligament)
     }
 
+    /// Skin and fascia: name, faces, patch, and their stretch where the whole is at rest.
+    pub(super) fn sheets(&self) -> [(&'static str, &[SheetPlan], Patch, f64); 2] {
+        [
+            ("skin", &self.skin, Patch::Skin, self.skin_stretch),
+            ("fascia", &self.fascia, Patch::ChestWall, 1.0),
+        ]
+    }
+
     /// Laws of the tetrahedra.
     pub(super) fn laws(&self) -> Result<Vec<Law>, LawError> {
         self.tissue.iter().map(TissuePlan::law).collect()

@@ -2,14 +2,14 @@
 //! gravity in each pose.
 
 use super::{PoseName, Torso, carry::Shapes, study::model_plan};
-use crate::model::{Anatomy, Body, Moduli};
+use crate::model::{Anatomy, Body, Moduli, Quadratic};
 use mammotwin_data::{
     Failure, Vec3,
     labels::Tissue,
     mesh::{Patch, TetMesh},
     progress::Progress,
     solution::Solution,
-    study::ModelPlan,
+    study::{Elements, MeshPlan, ModelPlan},
     volume::{Grid, Volume},
 };
 use mammotwin_solver::{
@@ -70,11 +70,12 @@ pub fn stress_free_mesh(torso: &Torso, size_mm: f64) -> Result<TetMesh, Failure>
 
 /// The stress-free body, and the supine one to which supports are tied.
 pub struct TruthBody {
-    /// Stress-free.
+    /// Stress-free; the parts of its elements where these are quadratic.
     pub mesh: TetMesh,
     /// Equilibrium in the supine pose.
     pub supine: Solution,
     supine_mesh: TetMesh,
+    quadratic: Option<Quadratic>,
     anatomy: Anatomy,
     wall: Arc<GridDistance>,
     plan: ModelPlan,
@@ -92,8 +93,19 @@ impl TruthBody {
     ///
     /// # Errors
     /// [`Failure::Numerics`] when there is no mesh or no equilibrium.
-    pub fn new(torso: &Torso, size_mm: f64, progress: &dyn Progress) -> Result<Self, Failure> {
-        let mesh = stress_free_mesh(torso, size_mm)?;
+    pub fn new(
+        torso: &Torso,
+        meshing: MeshPlan,
+        progress: &dyn Progress,
+    ) -> Result<Self, Failure> {
+        let mesh = stress_free_mesh(torso, meshing.size_mm)?;
+        let (mesh, quadratic) = match meshing.elements {
+            Elements::Linear => (mesh, None),
+            Elements::Quadratic => {
+                let (quadratic, parts) = Quadratic::fitted(mesh, torso);
+                (parts, Some(quadratic))
+            }
+        };
         let (low, high) = torso.bounds();
         let [low, high] = [low.add_scalar(-30.0), high.add_scalar(10.0)];
         let count = |axis: usize| ((high[axis] - low[axis]) / WALL_SPACING_MM) as usize + 2;
@@ -112,20 +124,27 @@ impl TruthBody {
         free.patches.remove(&Patch::LateralLeft);
         let mut untied = plan.clone();
         untied.ligaments.names.clear();
-        let lying =
-            Body { mesh: &free, wall: wall.clone(), anatomy: &anatomy(&mesh)?, plan: &untied };
+        let lying = Body {
+            mesh: &free,
+            wall: wall.clone(),
+            anatomy: &anatomy(&mesh)?,
+            plan: &untied,
+            quadratic: quadratic.as_ref(),
+        };
         let model = lying.model(&mesh.points, moduli, PoseName::Supine.gravity(), None)?;
         let supine = solve(&model, &mesh.points, &Options::default(), progress)
             .map_err(|cause| Failure::Numerics(format!("truth, supine: {cause}")))?;
+        let supine = lying.spread(supine);
         let supine_mesh = TetMesh { points: supine.points.clone(), ..mesh.clone() };
         let anatomy = anatomy(&supine_mesh)?;
-        Ok(Self { mesh, supine, supine_mesh, anatomy, wall, plan, moduli })
+        let quadratic = quadratic.map(|quadratic| quadratic.with_points(&supine.points));
+        Ok(Self { mesh, supine, supine_mesh, quadratic, anatomy, wall, plan, moduli })
     }
 
     /// The supine body with the tissues and supports of `plan`.
     pub fn body<'a>(&'a self, plan: &'a ModelPlan) -> Body<'a> {
         let (mesh, anatomy) = (&self.supine_mesh, &self.anatomy);
-        Body { mesh, wall: self.wall.clone(), anatomy, plan }
+        Body { mesh, wall: self.wall.clone(), anatomy, plan, quadratic: self.quadratic.as_ref() }
     }
 
     /// The equilibrium in a pose, in the common frame.
@@ -142,8 +161,9 @@ impl TruthBody {
         // Poses in which gravity presses on the chest are nearer to the supine one.
         let pressed = pose.gravity().dot(&PoseName::Supine.gravity()) > 0.0;
         let start = if pressed { &self.supine.points } else { rest };
-        solve(&model, start, &Options::default(), progress)
-            .map_err(|cause| Failure::Numerics(format!("truth, {}: {cause}", pose.name())))
+        let solution = solve(&model, start, &Options::default(), progress)
+            .map_err(|cause| Failure::Numerics(format!("truth, {}: {cause}", pose.name())))?;
+        Ok(body.spread(solution))
     }
 
     /// Stress-free and deformed shape.

@@ -37,6 +37,7 @@ use mammotwin_data::{
     },
     landmarks::Landmarks,
     progress::{Part, Progress},
+    study::Elements,
     volume::Grid,
 };
 use mammotwin_imaging::mri::synthesize as mri;
@@ -62,6 +63,8 @@ pub struct Settings {
     pub hidden: BTreeMap<String, f64>,
     /// Whether chest wall and arms stay as they are between the poses, as no person's do.
     pub still: bool,
+    /// Elements that the study asks for; the preset's when absent.
+    pub elements: Option<Elements>,
     /// Folder to write to; made when missing.
     pub out_dir: PathBuf,
 }
@@ -77,6 +80,7 @@ impl Settings {
             poses: vec![PoseName::Supine, PoseName::Prone, PoseName::Tilted],
             hidden: BTreeMap::new(),
             still: false,
+            elements: None,
             out_dir: out_dir.into(),
         }
     }
@@ -113,6 +117,7 @@ pub fn synthesize(settings: &Settings, progress: &dyn Progress) -> Result<Writte
     let preset = Preset::named(&settings.preset)?;
     let mut person = preset.person(settings.seed);
     person.effects.clone_from(&settings.hidden);
+    person.study_mesh.elements = settings.elements.unwrap_or(person.study_mesh.elements);
     let torso = Torso::new(person, settings.seed);
     let out = &settings.out_dir;
     let truth_dir = out.join("truth");
@@ -124,9 +129,9 @@ pub fn synthesize(settings: &Settings, progress: &dyn Progress) -> Result<Writte
     poses.dedup();
 
     let marks = landmarks::stress_free(&torso);
-    let size_mm = torso.person.truth_mesh.size_mm;
+    let meshing = torso.person.truth_mesh;
     let lying = Part { whole: progress, from: 0.0, to: 0.2 };
-    let truth_body = TruthBody::new(&torso, size_mm, &lying)?;
+    let truth_body = TruthBody::new(&torso, meshing, &lying)?;
     let mut bodies = hdf5::Writer::create(truth_dir.join("bodies.h5"))?;
     bodies.put_mesh("stress_free", &truth_body.mesh)?;
     let mut truth = Truth::of(&torso, &settings.preset, settings.seed);

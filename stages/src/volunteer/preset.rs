@@ -1,6 +1,6 @@
 //! What a digital volunteer is like before the seed varies her.
 
-use mammotwin_data::{Failure, study::InterfaceKind};
+use mammotwin_data::{Failure, study::{InterfaceKind, MeshPlan}};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -23,9 +23,9 @@ pub struct Preset {
     /// Properties that are the same for every seed and known to the study.
     pub fixed: Fixed,
     /// Mesh of the truth.
-    pub truth_mesh: MeshSize,
+    pub truth_mesh: MeshPlan,
     /// Mesh of the model under test, as the study states it.
-    pub study_mesh: MeshSize,
+    pub study_mesh: MeshPlan,
     /// Field of view.
     pub image: Frame,
     /// Mammography.
@@ -105,14 +105,6 @@ pub struct Fixed {
     pub interface: InterfaceKind,
     /// Coulomb friction between breast and muscle.
     pub friction: f64,
-}
-
-/// How finely a body is meshed.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MeshSize {
-    /// Edge length of the tetrahedra (mm).
-    pub size_mm: f64,
 }
 
 /// Field of view and voxels.

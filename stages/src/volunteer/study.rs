@@ -83,6 +83,7 @@ interface = {{ kind = "{interface}", friction = {friction} }}
 
 [mesh]
 size_mm = {size}
+elements = "{elements}"
 
 [calibrate]
 parameters = ["breast.young_right_kpa", "breast.young_left_kpa"]
@@ -112,6 +113,7 @@ calcifications = {{ rows = 7, columns = 3, pitch_mm = 10.0, diameter_mm = [0.2, 
         interface = fixed.interface.name(),
         friction = float(fixed.friction),
         size = float(person.study_mesh.size_mm),
+        elements = person.study_mesh.elements.name(),
         distance = float(compression.chest_wall_distance_mm),
         thickness = float(compression.thickness_right_mm),
         jm = float(compression.jm),

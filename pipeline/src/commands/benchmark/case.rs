@@ -10,6 +10,7 @@ use crate::{
 use mammotwin_data::{
     Failure,
     store::{self, Artifact, Drive, Options, Stored},
+    study::Elements,
 };
 use mammotwin_stages::{
     discover::{Discovery, Evidence},
@@ -73,6 +74,7 @@ impl Case {
                 poses: PoseName::ALL.to_vec(),
                 hidden: self.hidden.iter().map(|(e, a)| (e.name.to_string(), *a)).collect(),
                 still: self.kind == Kind::Exact,
+                elements: Some(Elements::Quadratic),
                 out_dir: folder.clone(),
             };
             synthesize(&settings, &Task::new("synth"))?;
