@@ -5,7 +5,7 @@ use mammotwin_data::{
     labels::LabelMap,
     landmarks::Landmarks,
     store::{Entry, Run, Stored},
-    study::{CompressPlan, MammogramPlan, Pose, Study, Use},
+    study::{CompressPlan, Elements, MammogramPlan, MeshPlan, Pose, Study, Use},
     volume::Volume,
 };
 use mammotwin_stages::{
@@ -114,29 +114,7 @@ pub fn squeezes(
 fn body(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     let reference = study.reference_pose().to_owned();
     let poses = images(study, &reference, run)?;
-    let gravity = gravity(&reference, &study.poses[&reference])?;
-
-    let mesh = Mesh(study.mesh);
-    let mesh = run.stage("", &mesh, &poses[&reference].labels)?;
-
-    let mut fitted = Vec::new();
-    let (mut motions, mut surfaces) = (Vec::new(), Vec::new());
-    for (name, pose) in &poses {
-        if let (Some(registered), Use::Fit) = (&pose.registered, study.poses[name].usage) {
-            fitted.push(name.clone());
-            motions.push(registered.clone());
-            surfaces.push(pose.surfaces.clone());
-        }
-    }
-    let calibrate = Calibrate {
-        model: study.model.clone(),
-        plan: study.calibrate.clone(),
-        gravity,
-        reference: reference.clone(),
-        poses: fitted,
-    };
-    let inputs = (&mesh, &poses[&reference].surfaces, &motions[..], &surfaces[..]);
-    let calibration = run.stage("", &calibrate, inputs)?;
+    let (mesh, calibration) = calibrated(study, study.mesh, &poses, "", run)?;
 
     let mut validations = BTreeMap::new();
     for (name, pose) in &poses {
@@ -150,6 +128,37 @@ fn body(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     Ok(Outcome { reference, poses, mesh, calibration, validations, squeezed: None })
 }
 
+/// The mesh of the reference pose, stress-free shape and moduli, with elements of one's own choice.
+fn calibrated(
+    study: &Study,
+    meshing: MeshPlan,
+    poses: &BTreeMap<String, PoseOutcome>,
+    label: &str,
+    run: &Run<'_>,
+) -> Result<(Stored<BreastMesh>, Stored<Calibration>), Failure> {
+    let reference = study.reference_pose();
+    let mesh = run.stage(label, &Mesh(meshing), &poses[reference].labels)?;
+    let mut fitted = Vec::new();
+    let (mut motions, mut surfaces) = (Vec::new(), Vec::new());
+    for (name, pose) in poses {
+        if let (Some(registered), Use::Fit) = (&pose.registered, study.poses[name].usage) {
+            fitted.push(name.clone());
+            motions.push(registered.clone());
+            surfaces.push(pose.surfaces.clone());
+        }
+    }
+    let calibrate = Calibrate {
+        model: study.model.clone(),
+        plan: study.calibrate.clone(),
+        gravity: gravity(reference, &study.poses[reference])?,
+        reference: reference.into(),
+        poses: fitted,
+    };
+    let inputs = (&mesh, &poses[reference].surfaces, &motions[..], &surfaces[..]);
+    let calibration = run.stage(label, &calibrate, inputs)?;
+    Ok((mesh, calibration))
+}
+
 /// What [`discover`] makes.
 #[derive(Debug)]
 pub struct Found {
@@ -159,9 +168,22 @@ pub struct Found {
     pub discovery: Stored<Discovery>,
 }
 
+/// Edges of the quadratic elements with which effects are looked for, over those of a study's linear
+/// ones: what linear elements are off is larger than most effects.
+const QUADRATIC_EDGE: f64 = 1.25;
+
 /// Calls the stages of a study, and looks for an effect that its model lacks.
 pub fn discover(study: &Study, held_out: &str, run: &Run<'_>) -> Result<Found, Failure> {
     let Outcome { reference, poses, mesh, calibration, .. } = self::run(study, run)?;
+    let (meshing, mesh, calibration) = match study.mesh.elements {
+        Elements::Quadratic => (study.mesh, mesh, calibration),
+        Elements::Linear => {
+            let size_mm = QUADRATIC_EDGE * study.mesh.size_mm;
+            let meshing = MeshPlan { size_mm, elements: Elements::Quadratic };
+            let (mesh, calibration) = calibrated(study, meshing, &poses, "quadratic", run)?;
+            (meshing, mesh, calibration)
+        }
+    };
     let (mut names, mut motions, mut surfaces) = (Vec::new(), Vec::new(), Vec::new());
     for (name, pose) in &poses {
         if let Some(registered) = &pose.registered {
@@ -173,7 +195,7 @@ pub fn discover(study: &Study, held_out: &str, run: &Run<'_>) -> Result<Found, F
     let gather = Gather {
         model: study.model.clone(),
         calibrate: study.calibrate.clone(),
-        mesh: study.mesh,
+        mesh: meshing,
         gravity: gravity(&reference, &study.poses[&reference])?,
         poses: names,
         reference: reference.clone(),

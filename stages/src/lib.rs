@@ -24,6 +24,7 @@ pub mod register;
 pub mod report;
 pub mod results;
 pub mod segment;
+pub mod shape;
 pub mod surface;
 pub mod validate;
 pub mod volunteer;

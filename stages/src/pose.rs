@@ -4,6 +4,7 @@ use crate::{
     mesh::BreastMesh,
     model::{Body, Moduli},
     register::Registered,
+    shape::Shape,
     surface::PoseSurfaces,
 };
 use mammotwin_data::{
@@ -119,6 +120,17 @@ impl PoseTarget {
             active,
             sides,
         })
+    }
+
+    /// Side of each node that is compared.
+    pub fn sides(&self) -> &[Side] {
+        &self.sides
+    }
+
+    /// The nodes that are compared, in a simulated pose.
+    pub fn shape(&self, fit: &PoseFit) -> Shape {
+        let points = fit.solution.points.clone();
+        Shape::of(&TriMesh { points, triangles: self.faces.clone() }, &self.active)
     }
 
     /// Loads a stress-free body into this pose; `start` is where Newton begins.

@@ -186,6 +186,7 @@ fn search(calibration: &Calibration) -> Curve {
             column("young_left_kpa", "kPa", "Left breast", |t| t.moduli.left_kpa),
             column("residual_right_mm", "mm", "Right residual", |t| t.residual_right_mm),
             column("residual_left_mm", "mm", "Left residual", |t| t.residual_left_mm),
+            column("misfit_mm", "mm", "Distance without rigid motion", |t| t.misfit_mm),
             column("modified_hausdorff_mm", "mm", "Modified Hausdorff distance", |t| {
                 t.modified_hausdorff_mm
             }),

@@ -86,11 +86,11 @@ impl Stage for Report {
         if let (Some(compression), Some(phantom), Some(made)) = (compression, phantom, mammograms) {
             input.mammograms = sections::mammograms(compression, phantom, made);
         }
-        if let Some(left_mm) = calibration.unmet_mm() {
-            input.warnings.push(format!(
-                "The moduli are not fitted: the search left {left_mm:.1} mm of the sag, and took the best \
-                 of what it tried"
-            ));
+        if !calibration.converged {
+            input.warnings.push(
+                "The search for the moduli did not come to its end: they are the best of what it tried"
+                    .into(),
+            );
         }
         if let Some(why) = compression.as_ref().and_then(|c| c.stopped_early.as_ref()) {
             input.warnings.push(format!("The compression ended before its stop rule: {why}"));

@@ -186,14 +186,22 @@ fn distance_map(mesh: &BreastMesh, fit: &PoseFit, title: String) -> SurfaceMap {
 
 /// Stress-free shape and moduli.
 pub fn calibration(mesh: &BreastMesh, calibration: &Calibration) -> FitReport {
-    let Calibration { before, after, trials } = calibration;
+    let Calibration { before, after, trials, precision, .. } = calibration;
     let fitted = trials.len() > 1;
-    let moduli = |now: f64, then: f64| {
-        if fitted { format!("{then:.3} → {now:.3} kPa") } else { format!("{now:.3} kPa") }
+    let moduli = |side: Side| {
+        let [then, now] = [before, after].map(|fit| fit.moduli.of_side(side));
+        match precision.of_side(side) {
+            Some(sd) => {
+                let [low, high] = [-NINETY, NINETY].map(|part| now * (part * sd).exp());
+                format!("{then:.3} → {now:.3} kPa (90 %: {low:.3} – {high:.3})")
+            }
+            None if fitted => format!("{then:.3} → {now:.3} kPa"),
+            None => format!("{now:.3} kPa"),
+        }
     };
     let mut facts = vec![
-        Fact::new("Right breast", moduli(after.moduli.right_kpa, before.moduli.right_kpa)),
-        Fact::new("Left breast", moduli(after.moduli.left_kpa, before.moduli.left_kpa)),
+        Fact::new("Right breast", moduli(Side::Right)),
+        Fact::new("Left breast", moduli(Side::Left)),
         Fact::new("Evaluations", trials.len().to_string()),
     ];
     let mut maps = Vec::new();
@@ -207,6 +215,9 @@ pub fn calibration(mesh: &BreastMesh, calibration: &Calibration) -> FitReport {
     let charts = if fitted { vec![search_chart(trials)] } else { Vec::new() };
     FitReport { facts, charts, maps }
 }
+
+/// Standard deviations on either side that hold 90 % of a normal distribution.
+const NINETY: f64 = 1.645;
 
 /// How well the stress-free shape, loaded again, takes the reference pose.
 pub fn round_trip(calibration: &Calibration) -> Vec<Metric> {

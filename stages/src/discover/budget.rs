@@ -3,7 +3,8 @@
 //! Residuals are signed normal distances at the compared nodes of all poses, stacked pose after
 //! pose. Rigid motion of a pose is left open: a registration error must not look like physics.
 
-use super::observe::{Shape, rows};
+use super::observe::rows;
+use crate::shape::Shape;
 use mammotwin_data::Vec3;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
@@ -83,15 +84,18 @@ impl Budget {
         reference: &Shape,
         shapes: &[Shape],
         meshings: &[DVector<f64>],
+        growth: &DVector<f64>,
     ) -> DMatrix<f64> {
-        self.measured(reference, shapes, OPEN) + of_meshes(shapes, meshings)
+        self.measured(reference, shapes, growth, OPEN) + of_meshes(shapes, meshings)
     }
 
-    /// Covariance (mm²) of the errors of what was measured, with errors of the rigid motions.
+    /// Covariance (mm²) of the errors of what was measured, with errors of the rigid motions. Those of the
+    /// reference pose reach the residuals `growth` times as large.
     pub fn measured(
         &self,
         reference: &Shape,
         shapes: &[Shape],
+        growth: &DVector<f64>,
         rigid_error: RigidError,
     ) -> DMatrix<f64> {
         let RigidError { shift_mm, turn } = rigid_error;
@@ -109,7 +113,8 @@ impl Budget {
         for p in 0..poses {
             for q in 0..poses {
                 let mut block = sum.view_mut((p * nodes, q * nodes), (nodes, nodes));
-                block += &shared;
+                let [to, from] = [p, q].map(|pose| growth.rows(pose * nodes, nodes));
+                block += DMatrix::from_fn(nodes, nodes, |i, j| to[i] * from[j] * shared[(i, j)]);
                 if p != q {
                     continue;
                 }

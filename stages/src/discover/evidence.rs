@@ -3,7 +3,8 @@
 
 use super::{
     budget::{Budget, mean},
-    observe::{Shape, carried, edges, residual, skin, weighed},
+    observe::{carried, edges, residual, skin, weighed},
+    reference::growth,
     refit::with_effect,
 };
 use crate::{
@@ -12,6 +13,7 @@ use crate::{
     mesh::{BreastMesh, Mesh},
     model::{Body, Moduli},
     register::Registered,
+    shape::Shape,
     surface::PoseSurfaces,
 };
 use mammotwin_data::{
@@ -70,6 +72,8 @@ pub struct Evidence {
     pub failed: Vec<String>,
     /// Differences (mm) to the same model on other meshes.
     pub meshings: Vec<DVector<f64>>,
+    /// By how much errors of the reference pose grow on their way into the residuals.
+    pub growth: DVector<f64>,
     /// Sizes of the errors.
     pub budget: Budget,
 }
@@ -105,6 +109,10 @@ impl Artifact for Evidence {
             file.put(name, column.as_slice(), "mm", meaning)
         };
         put("residual", &self.residual, "signed distance, pose after pose")?;
+        file.put("growth", self.growth.as_slice(), "1", "of errors of the reference pose")?;
+        let mut put = |name: &str, column: &DVector<f64>, meaning: &str| {
+            file.put(name, column.as_slice(), "mm", meaning)
+        };
         for (side, column) in ["right", "left"].iter().zip(&self.by_moduli) {
             put(&format!("by_modulus/{side}"), column, "derivative by the logarithm")?;
         }
@@ -144,6 +152,7 @@ impl Artifact for Evidence {
             signatures,
             failed: file.texts("failed")?,
             meshings,
+            growth: column("growth")?,
             budget: file.json("budget")?,
             poses,
         })
@@ -190,7 +199,7 @@ impl Gather {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, with their derivatives by the moduli and by the amplitude of each effect of \
          a library, and their differences to the same model on five other meshes.";
@@ -244,6 +253,10 @@ impl Stage for Gather {
             )));
         }
 
+        progress.report(0.4, "errors of the reference pose");
+        let plans = (&self.model, &self.calibrate, &measured);
+        let growth = growth(mesh, &base, (&weighed, &reference), plans)?;
+
         progress.report(0.55, "signatures of the effects");
         let off = mean(&meshings);
         let by_modulus = |[right, left]: [f64; 2]| {
@@ -280,6 +293,7 @@ impl Stage for Gather {
             signatures,
             failed,
             meshings,
+            growth,
         })
     }
 }

@@ -9,6 +9,7 @@ mod budget;
 mod clusters;
 mod evidence;
 mod observe;
+mod reference;
 mod refit;
 mod screen;
 pub mod trial;

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 const ALPHA: f64 = 0.01;
 /// Scores that volunteers without any effect have by what no budget knows (standard deviations): their
 /// truth lies on another mesh under measured surfaces of another kind. Without noise the largest were
-/// 3.9 and 4.1; a score must stand out from that as well.
-const SYSTEMATIC: f64 = 3.0;
+/// 2.5 and 1.7 (`tiny`, seeds 3 and 7); a score must stand out from that as well.
+const SYSTEMATIC: f64 = 2.0;
 /// Draws of the largest score under nothing.
 const DRAWS: usize = 20_000;
 const SEED: u64 = 0x5c0e;

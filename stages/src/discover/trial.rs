@@ -18,7 +18,12 @@ impl Errors {
     /// # Errors
     /// [`Failure::Numerics`] when the budget has no covariance.
     pub fn new(evidence: &Evidence, budget: &Budget, rigid: RigidError) -> Result<Self, Failure> {
-        let covariance = budget.measured(&evidence.reference, &evidence.shapes, rigid);
+        let covariance = budget.measured(
+            &evidence.reference,
+            &evidence.shapes,
+            &evidence.growth,
+            rigid,
+        );
         let factor = covariance
             .cholesky()
             .ok_or_else(|| Failure::Numerics("discover: errors without a covariance".into()))?;
