@@ -96,6 +96,12 @@ pub enum StudyCommand {
     /// Dance's dose against Monte Carlo under a tilted paddle: table, chart, fitted correction
     #[command(after_help = "Example:\n  mammotwin study dose --out runs/dose --photons 400000")]
     Dose(DoseArguments),
+    /// The projection of bodies with known path lengths: pictures, and how far off they are
+    #[command(after_help = "Example:\n  mammotwin study projection --out runs/projection")]
+    Projection(ProjectionArguments),
+    /// Image-chain effects hidden in simulated measured mammograms: found, named, added
+    #[command(after_help = IMAGE_CHAIN_HELP)]
+    ImageChain(ImageChainArguments),
     /// How often `discover` names what was hidden: volunteers with hidden effects, scored
     #[command(after_help = BENCHMARK_HELP)]
     Discovery(BenchmarkArguments),
@@ -198,6 +204,44 @@ pub struct DoseArguments {
     /// Seed of the photons
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
+}
+
+/// The study of the projection.
+#[derive(Debug, Clone, Args)]
+pub struct ProjectionArguments {
+    /// Folder to write to
+    #[arg(long, value_name = "DIR", default_value = "runs/projection")]
+    pub out: PathBuf,
+    /// Pixel pitch (mm)
+    #[arg(long, value_name = "MM", default_value_t = 0.1)]
+    pub pixel_mm: f64,
+}
+
+const IMAGE_CHAIN_HELP: &str = "\
+Simulates the acceptance of a unit: a breast, a uniform slab, a test object with grains and doses under a
+tilted paddle, with one effect in them that the image model lacks, quantum noise and an uneven gain of
+the detector. The search sees one set; another decides. Effects: scatter, heel, beam_spectrum, blur, agd_wedge;
+gain_gradient is in none of the library, none hides nothing.
+
+Examples:
+  mammotwin study image-chain --hide heel --out runs/heel
+  mammotwin study image-chain --hide none --seed 3 --json";
+
+/// The study of the image chain.
+#[derive(Debug, Clone, Args)]
+pub struct ImageChainArguments {
+    /// Folder to write to
+    #[arg(long, value_name = "DIR", default_value = "runs/image-chain")]
+    pub out: PathBuf,
+    /// Effect to hide
+    #[arg(long, value_name = "EFFECT", default_value = "scatter")]
+    pub hide: String,
+    /// Seed of noise and gain
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Answer in JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 const CHECK_HELP: &str = "\

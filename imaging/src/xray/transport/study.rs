@@ -5,6 +5,7 @@ use crate::xray::{
     dose::{DoseBeam, DoseError, average_glandular_dose},
     geometry::Geometry,
     raster::RasterError,
+    shapes::Rounded,
     spectrum::{Spectrum, UnknownBeam},
     transport::{
         bodies::{Closed, HalfCylinder},
@@ -13,8 +14,6 @@ use crate::xray::{
         tally::Estimate,
     },
 };
-use mammotwin_data::{Vec3, surface::TriMesh};
-use std::f64::consts::PI;
 
 /// Radius (mm) of Dance's half cylinder.
 const RADIUS_MM: f64 = 80.0;
@@ -316,45 +315,17 @@ impl Wedge {
                 examine(body, setup, &geometry, beam, histories)?
             }
             Outline::Rounded => {
-                let surface = rounded(self.thickness, top, self.slope, shield_mm);
+                let shape = Rounded {
+                    extent_mm: EXTENT_MM,
+                    thickness_mm: self.thickness,
+                    top_mm: top,
+                    slope: self.slope,
+                    behind_mm: shield_mm,
+                };
+                let surface = shape.surface(72, 16);
                 let body = Closed::new(&surface, STEP_MM, shield_mm, MEDIA)?;
                 examine(body, setup, &geometry, beam, histories)?
             }
         })
     }
-}
-
-/// Half an ellipse with round sides of half the thickness. It goes on behind the chest wall by the
-/// thickness of the shield, so that none lies in front of it there.
-fn rounded(thickness: f64, top: f64, slope: f64, behind: f64) -> TriMesh {
-    const AROUND: u32 = 72;
-    const UP: u32 = 16;
-    let half = 0.5 * thickness;
-    let mut points = vec![];
-    for k in 0..=UP {
-        let angle = PI * (f64::from(k) / f64::from(UP) - 0.5);
-        let (share, out) = (0.5 + 0.5 * angle.sin(), half * angle.cos() - half);
-        for n in 0..=AROUND {
-            let turn = PI * f64::from(n) / f64::from(AROUND);
-            let x = (EXTENT_MM[0] + out) * turn.cos();
-            let y = (EXTENT_MM[1] + out) * turn.sin();
-            let y = if n == 0 || n == AROUND { -behind } else { y };
-            points.push(Vec3::new(x, y, share * (top - slope * y.max(0.0))));
-        }
-    }
-    let at = |k: u32, n: u32| k * (AROUND + 1) + n;
-    let mut triangles = vec![];
-    for k in 0..UP {
-        for n in 0..AROUND {
-            triangles.push([at(k, n), at(k, n + 1), at(k + 1, n + 1)]);
-            triangles.push([at(k, n), at(k + 1, n + 1), at(k + 1, n)]);
-        }
-        triangles.push([at(k, AROUND), at(k, 0), at(k + 1, 0)]);
-        triangles.push([at(k, AROUND), at(k + 1, 0), at(k + 1, AROUND)]);
-    }
-    for n in 1..AROUND {
-        triangles.push([at(0, 0), at(0, n + 1), at(0, n)]);
-        triangles.push([at(UP, 0), at(UP, n), at(UP, n + 1)]);
-    }
-    TriMesh { points, triangles }
 }
