@@ -1,6 +1,11 @@
 //! What the command line understands.
 
+mod models;
+
+pub use models::{DoseArguments, ImageChainArguments, ProjectionArguments};
+
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use models::IMAGE_CHAIN_HELP;
 use std::path::PathBuf;
 
 /// From a volunteer's MRI to mammography metrics.
@@ -94,7 +99,7 @@ pub enum Command {
 #[derive(Debug, Subcommand)]
 pub enum StudyCommand {
     /// Dance's dose against Monte Carlo under a tilted paddle: table, chart, fitted correction
-    #[command(after_help = "Example:\n  mammotwin study dose --out runs/dose --photons 400000")]
+    #[command(after_help = "Example:\n  mammotwin study dose --out runs/dose --photons 1000000")]
     Dose(DoseArguments),
     /// The projection of bodies with known path lengths: pictures, and how far off they are
     #[command(after_help = "Example:\n  mammotwin study projection --out runs/projection")]
@@ -190,58 +195,6 @@ pub struct PositionsArguments {
     /// Forces, pressures and stresses only; no mammogram, no dose
     #[arg(long)]
     pub no_picture: bool,
-}
-
-/// The study of dose.
-#[derive(Debug, Clone, Args)]
-pub struct DoseArguments {
-    /// Folder to write to; must not hold an earlier study
-    #[arg(long, value_name = "DIR", default_value = "runs/dose")]
-    pub out: PathBuf,
-    /// Photons for each breast; standard error of its dose: 0.3 % with 400000
-    #[arg(long, value_name = "N", default_value_t = 400_000)]
-    pub photons: u64,
-    /// Seed of the photons
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
-}
-
-/// The study of the projection.
-#[derive(Debug, Clone, Args)]
-pub struct ProjectionArguments {
-    /// Folder to write to
-    #[arg(long, value_name = "DIR", default_value = "runs/projection")]
-    pub out: PathBuf,
-    /// Pixel pitch (mm)
-    #[arg(long, value_name = "MM", default_value_t = 0.1)]
-    pub pixel_mm: f64,
-}
-
-const IMAGE_CHAIN_HELP: &str = "\
-Simulates the acceptance of a unit: a breast, a uniform slab, a test object with grains and doses under a
-tilted paddle, with one effect in them that the image model lacks, quantum noise and an uneven gain of
-the detector. The search sees one set; another decides. Effects: scatter, heel, beam_spectrum, blur, agd_wedge;
-gain_gradient is in none of the library, none hides nothing.
-
-Examples:
-  mammotwin study image-chain --hide heel --out runs/heel
-  mammotwin study image-chain --hide none --seed 3 --json";
-
-/// The study of the image chain.
-#[derive(Debug, Clone, Args)]
-pub struct ImageChainArguments {
-    /// Folder to write to
-    #[arg(long, value_name = "DIR", default_value = "runs/image-chain")]
-    pub out: PathBuf,
-    /// Effect to hide
-    #[arg(long, value_name = "EFFECT", default_value = "scatter")]
-    pub hide: String,
-    /// Seed of noise and gain
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
-    /// Answer in JSON
-    #[arg(long)]
-    pub json: bool,
 }
 
 const CHECK_HELP: &str = "\

@@ -12,7 +12,7 @@ use mammotwin_stages::{
 };
 use std::sync::LazyLock;
 
-const PHOTONS: u64 = 2_000_000;
+const PHOTONS: u64 = 3_000_000;
 
 static UNIT: LazyLock<(Search, Truth)> = LazyLock::new(|| {
     let model = search(PHOTONS).unwrap();

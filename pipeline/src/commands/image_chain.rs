@@ -11,8 +11,8 @@ use mammotwin_stages::image_chain::{
 };
 use std::{fmt::Write, fs, path::Path};
 
-/// Photons of each scatter image and dose.
-const PHOTONS: u64 = 2_000_000;
+/// Photons of each scatter image.
+const PHOTONS: u64 = 3_000_000;
 
 /// Hides, measures, searches; writes `verdict.json`, `residuals.csv` and pictures of the residuals.
 pub fn image_chain(arguments: &ImageChainArguments) -> Result<(), Failure> {

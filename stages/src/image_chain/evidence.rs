@@ -3,7 +3,7 @@
 use super::{
     field::{ChainError, Field},
     grains::Grains,
-    library::Chain,
+    library::{Chain, IMAGE_EFFECTS},
 };
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -12,12 +12,19 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 pub const UNEVEN: f64 = 0.003;
 /// See [`UNEVEN`].
 pub const UNEVEN_LENGTH_MM: f64 = 25.0;
-/// Error of a cell of its own (relative): quantum noise is 0.015 %.
-const CELL: f64 = 0.0005;
+/// Error of a cell of its own (relative): quantum noise is 0.015 %, the rest is that of scatter by Monte
+/// Carlo.
+const CELL: f64 = 0.001;
 /// Error of a dose over that under a flat paddle (relative).
 const DOSE: f64 = 0.0035;
 /// Counted quanta per pixel of 0.1 mm.
 pub const QUANTA: f64 = 17_424.0;
+
+/// Steps of a fit, halvings of a step, and the fall of the misfit (squared standard deviations) below which
+/// it has settled.
+const STEPS: usize = 30;
+const HALVINGS: usize = 8;
+const SETTLED: f64 = 0.01;
 
 /// What is X-rayed.
 #[derive(Debug, Clone)]
@@ -71,7 +78,7 @@ impl Free {
             Self::Scale(n) => &mut parameters.scale[n],
             Self::Gland => &mut parameters.gland,
             Self::Contrast => &mut parameters.contrast,
-            Self::Effect(n) => (super::library::IMAGE_EFFECTS[n].of)(&mut parameters.chain),
+            Self::Effect(n) => (IMAGE_EFFECTS[n].of)(&mut parameters.chain),
         }
     }
 
@@ -79,7 +86,7 @@ impl Free {
         match self {
             Self::Scale(_) | Self::Contrast => 0.01,
             Self::Gland => 0.02,
-            Self::Effect(n) => super::library::IMAGE_EFFECTS[n].small,
+            Self::Effect(n) => IMAGE_EFFECTS[n].small,
         }
     }
 }
@@ -97,11 +104,8 @@ impl Exposures {
     /// # Errors
     /// When a covariance has no factor.
     pub fn new(objects: Vec<Object>) -> Result<Self, ChainError> {
-        let factor = |object: &Object| {
-            covariance(object)
-                .cholesky()
-                .ok_or_else(|| ChainError::Covariance("an exposure".into()))
-        };
+        let factor =
+            |object: &Object| covariance(object).cholesky().ok_or_else(|| ChainError::Covariance);
         let factors: Result<_, _> = objects.iter().map(factor).collect();
         Ok(Self { factors: factors?, objects })
     }
@@ -128,7 +132,7 @@ impl Exposures {
     /// What the image model says of one object.
     ///
     /// # Errors
-    /// For a glandularity that is none.
+    /// None with the tables of this program.
     pub fn predicted(&self, n: usize, parameters: &Parameters) -> Result<Vec<f64>, ChainError> {
         Ok(match &self.objects[n] {
             Object::Field(field, composition) => {
@@ -193,7 +197,8 @@ impl Exposures {
         Ok(DMatrix::from_columns(&columns))
     }
 
-    /// Least squares by Gauss and Newton; amplitudes stay in their ranges.
+    /// Least squares by Gauss and Newton; amplitudes stay in their ranges, and a step that does not lower
+    /// the misfit is halved. Gives parameters, residual and standard deviations of what is free.
     ///
     /// # Errors
     /// As [`Self::predicted`].
@@ -204,30 +209,38 @@ impl Exposures {
         free: &[Free],
     ) -> Result<(Parameters, DVector<f64>, Vec<f64>), ChainError> {
         let mut found = start.clone();
+        let mut residual = self.residual(measured, &found)?;
         let mut errors = vec![0.0; free.len()];
-        for _ in 0..8 {
+        for _ in 0..STEPS {
             let jacobian = self.jacobian(&found, free)?;
-            let residual = self.residual(measured, &found)?;
             let normal = jacobian.transpose() * &jacobian;
             let Some(inverse) = normal.try_inverse() else { break };
-            let step = &inverse * jacobian.transpose() * residual;
-            let mut largest: f64 = 0.0;
-            for (n, &one) in free.iter().enumerate() {
-                errors[n] = inverse[(n, n)].sqrt();
-                let value = one.of(&mut found);
-                let mut wanted = *value + step[n];
-                if let Free::Effect(k) = one {
-                    let [low, high] = super::library::IMAGE_EFFECTS[k].range;
-                    wanted = wanted.clamp(low, high);
+            errors = (0..free.len()).map(|n| inverse[(n, n)].sqrt()).collect();
+            let mut step = &inverse * jacobian.transpose() * &residual;
+            let before = residual.norm_squared();
+            let mut fall = 0.0;
+            for _ in 0..HALVINGS {
+                let mut tried = found.clone();
+                for (&one, &more) in free.iter().zip(step.iter()) {
+                    let value = one.of(&mut tried);
+                    *value += more;
+                    if let Free::Effect(k) = one {
+                        let [low, high] = IMAGE_EFFECTS[k].range;
+                        *value = value.clamp(low, high);
+                    }
                 }
-                largest = largest.max((wanted - *value).abs() / errors[n].max(1e-300));
-                *value = wanted;
+                let left = self.residual(measured, &tried)?;
+                fall = before - left.norm_squared();
+                if fall > 0.0 {
+                    (found, residual) = (tried, left);
+                    break;
+                }
+                step *= 0.5;
             }
-            if largest < 0.01 {
+            if fall < SETTLED {
                 break;
             }
         }
-        let residual = self.residual(measured, &found)?;
         Ok((found, residual, errors))
     }
 

@@ -11,6 +11,7 @@ use mammotwin_imaging::xray::{
         bodies::Closed,
         exam::{Exam, ExamError, MEDIA, Setup, examine},
         photon::Histories,
+        study::StudyError,
     },
 };
 
@@ -22,8 +23,6 @@ pub const CELLS: [usize; 2] = [40, 24];
 const EDGE_MM: f64 = 4.0;
 /// Paths of which the transmission is tabulated (mm).
 const STEP_MM: f64 = 0.25;
-/// Spread (mm) by which the scatter of Monte Carlo is smoothed.
-const SMOOTH_MM: f64 = 8.0;
 /// Primary photons of Monte Carlo are compared behind so much tissue (mm).
 const THICK_MM: f64 = 25.0;
 
@@ -42,9 +41,12 @@ pub enum ChainError {
     /// No scatter.
     #[error(transparent)]
     Exam(#[from] ExamError),
+    /// No doses.
+    #[error(transparent)]
+    Study(#[from] StudyError),
     /// The errors have no covariance.
-    #[error("image chain: errors of {0} have no covariance")]
-    Covariance(String),
+    #[error("image chain: the errors of an exposure have no covariance")]
+    Covariance,
 }
 
 /// A uniform body on the detector.
@@ -65,6 +67,9 @@ pub struct Fineness {
     pub histories: Histories,
     /// Step (mm) of the body's distances in Monte Carlo.
     pub step_mm: f64,
+    /// Spread (mm) by which the scatter of Monte Carlo is smoothed: the noise of single cells is that of a
+    /// few hundred photons.
+    pub smooth_mm: f64,
 }
 
 /// One energy and the tube's spectrum, each of sum 1.
@@ -105,7 +110,7 @@ pub struct Field {
 }
 
 impl Field {
-    /// Paths and scatter of a body. Cells on its edges, as `edges` sees them, are left out.
+    /// Paths and scatter of a body, in the cells of these centres (mm); else in all but those on its edges.
     ///
     /// # Errors
     /// For surfaces and materials that have no picture.
@@ -175,15 +180,15 @@ impl Field {
     /// of the body and this much more.
     ///
     /// # Errors
-    /// For a glandularity that is none.
+    /// None with the tables of this program.
     pub fn signal(&self, chain: &Chain, more_gland: f64) -> Result<Vec<f64>, ChainError> {
-        let tissue = Material::breast((self.glandularity + more_gland).clamp(0.0, 1.0))?;
+        let gland = self.glandularity + more_gland;
         let nodes = (self.longest / STEP_MM).ceil() as usize + 2;
         let mut lines = Vec::new();
         let share = chain.beam_spectrum;
         for (beam, part) in [(&self.beams.mono, 1.0 - share), (&self.beams.tube, share)] {
             for line in beam.lines.iter().filter(|_| part != 0.0) {
-                lines.push((part * line.share, tissue.attenuation_per_mm(line.energy_kev)?));
+                lines.push((part * line.share, attenuation(gland, line.energy_kev)?));
             }
         }
         let through = |n: usize| {
@@ -219,15 +224,19 @@ impl Field {
             gap_mm: 1.0,
             skin: tissue.clone(),
             grid: true,
+            cells: Some(CELLS),
             ..Setup::usual(body.glandularity)?
         };
         let closed = Closed::new(&body.surface, fineness.step_mm, 1.45, MEDIA)?;
-        let geometry = Geometry::pristina(0.1);
+        // Collimated to the cells.
+        let [columns, rows] = CELLS;
+        let geometry = Geometry { columns, rows, ..Geometry::pristina(CELL_MM) };
         let exam = examine(closed, &setup, &geometry, &self.beams.mono, fineness.histories)?;
         let primary = self.signal(&Chain::default(), 0.0)?;
         let thick = self.beams.mono.transmission(&tissue, THICK_MM)?;
         let behind: Vec<usize> = (0..self.centers.len()).filter(|&c| primary[c] < thick).collect();
-        let of = |smooth: bool, at: [f64; 2]| sample(&exam, smooth, at);
+        let of =
+            |smooth: bool, at: [f64; 2]| sample(&exam, smooth.then_some(fineness.smooth_mm), at);
         let ours: f64 = behind.iter().map(|&c| primary[c]).sum();
         let theirs: f64 = behind.iter().map(|&c| of(false, self.centers[c])).sum();
         let unit = ours / theirs;
@@ -235,21 +244,32 @@ impl Field {
     }
 }
 
+/// Attenuation (1/mm) of breast tissue; beyond pure fat and pure gland on the line through both, so that a
+/// fit may pass there.
+fn attenuation(gland: f64, energy_kev: f64) -> Result<f64, ChainError> {
+    if (0.0..=1.0).contains(&gland) {
+        return Ok(Material::breast(gland)?.attenuation_per_mm(energy_kev)?);
+    }
+    let [fat, pure] = [Material::breast(0.0)?, Material::breast(1.0)?];
+    let (low, high) = (fat.attenuation_per_mm(energy_kev)?, pure.attenuation_per_mm(energy_kev)?);
+    Ok((low + gland * (high - low)).max(0.0))
+}
+
 /// Energy per cell behind the grid around a place: scattered and smoothed, or the primary of the nearest
 /// cell.
-fn sample(exam: &Exam, scattered: bool, at: [f64; 2]) -> f64 {
+fn sample(exam: &Exam, smooth_mm: Option<f64>, at: [f64; 2]) -> f64 {
     let Some(receptor) = exam.receptor else { return 0.0 };
     let image = &exam.tally.behind_grid;
-    if !scattered {
+    let Some(smooth_mm) = smooth_mm else {
         return receptor.cell(at[0], at[1]).map_or(0.0, |cell| image.primary[cell].mean);
-    }
+    };
     let (mut sum, mut weights) = (0.0, 0.0);
     for (cell, energy) in image.scatter.iter().enumerate() {
         let there: Vec3 = {
             let [x, y] = receptor.center(cell);
             Vec3::new(x - at[0], y - at[1], 0.0)
         };
-        let weight = (-0.5 * there.norm_squared() / (SMOOTH_MM * SMOOTH_MM)).exp();
+        let weight = (-0.5 * there.norm_squared() / (smooth_mm * smooth_mm)).exp();
         sum += weight * energy.mean;
         weights += weight;
     }

@@ -52,8 +52,8 @@ pub struct ChainCandidate {
     pub gain: f64,
     /// Score of what is left in smooth shapes.
     pub left: f64,
-    /// Misfit of the held-out exposures that it changes (root mean square, in standard deviations) without
-    /// and with it; 1 is what errors leave.
+    /// Misfit of smooth shapes of the held-out exposures that it changes (root mean square, in standard
+    /// deviations) without and with it; errors leave 1.
     pub held_out: [f64; 2],
     /// Fall of their misfit in standard errors.
     pub held_out_z: f64,
@@ -257,19 +257,31 @@ impl Search {
         })
     }
 
-    /// Root mean squares over the held-out exposures that an effect changes.
+    /// Root mean squares over the smooth shapes (of test objects and doses: all values) of the held-out
+    /// exposures that an effect changes; errors leave 1.
     fn misfit(&self, before: &DVector<f64>, after: &DVector<f64>) -> [f64; 2] {
         let rows = self.held_out.rows();
         let apart = |rows: &std::ops::Range<usize>| {
             (before.rows(rows.start, rows.len()) - after.rows(rows.start, rows.len())).norm()
         };
         let most = rows.iter().map(apart).fold(0.0, f64::max);
-        let changed: Vec<usize> =
-            rows.into_iter().filter(|rows| apart(rows) > 0.3 * most).flatten().collect();
-        [before, after].map(|residual| {
-            let squares: f64 = changed.iter().map(|&n| residual[n] * residual[n]).sum();
-            (squares / changed.len().max(1) as f64).sqrt()
-        })
+        let changed = |n: usize| apart(&rows[n]) > 0.3 * most;
+        let smooth = self.held_out.smooth();
+        let kept: Vec<DVector<f64>> = smooth
+            .column_iter()
+            .filter(|shape| {
+                rows.iter()
+                    .enumerate()
+                    .any(|(n, rows)| changed(n) && shape.rows(rows.start, rows.len()).norm() > 0.0)
+            })
+            .map(|shape| shape.into_owned())
+            .collect();
+        if kept.is_empty() {
+            return [0.0; 2];
+        }
+        let basis = orthonormal(&DMatrix::from_columns(&kept));
+        let size = (basis.ncols() as f64).sqrt();
+        [before, after].map(|residual| (basis.transpose() * residual).norm() / size)
     }
 
     fn conclude(&self, answer: &mut ChainVerdict) {

@@ -12,12 +12,12 @@ use mammotwin_imaging::xray::{
     shapes::{Rounded, cuboid},
     transport::{
         photon::Histories,
-        study::{Outline, Shield, StudyError, StudyPlan, study},
+        study::{Outline, Shield, StudyPlan, study},
     },
 };
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, Normal, StandardNormal};
+use rand_distr::{Distribution, StandardNormal};
 use std::f64::consts::TAU;
 
 /// What is hidden in the measurement.
@@ -85,7 +85,10 @@ fn slab(thickness_mm: f64) -> Body {
 /// Thicknesses (mm) of breasts and slabs, and plans of doses, that are seen and held out.
 const BREASTS_MM: [f64; 2] = [46.0, 38.0];
 const SLABS_MM: [f64; 2] = [46.0, 35.0];
-const DOSES: [(&[f64], f64); 2] = [(&[30.0, 45.0, 60.0], 6.0), (&[35.0, 52.0], 5.0)];
+const DOSES: [(&[f64], f64); 2] = [(&[30.0, 45.0, 60.0], 6.0), (&[28.0, 38.0, 52.0], 6.0)];
+
+/// Photons of each dose: 0.25 % of a ratio of two.
+const DOSE_PHOTONS: u64 = 1_000_000;
 
 /// Relative wedges of half cylinders of 80 mm under a tilted paddle.
 fn wedges((thickness_mm, tilt_deg): (&[f64], f64)) -> Vec<f64> {
@@ -99,7 +102,7 @@ fn wedges((thickness_mm, tilt_deg): (&[f64], f64)) -> Vec<f64> {
 pub fn search(photons: u64) -> Result<Search, ChainError> {
     let set = |n: usize| -> Result<Exposures, ChainError> {
         let histories = Histories { photons, seed: 11 + n as u64 };
-        let fineness = Fineness { pixel_mm: 0.5, histories, step_mm: 2.0 };
+        let fineness = Fineness { pixel_mm: 0.5, histories, step_mm: 2.0, smooth_mm: 16.0 };
         let breast = Field::new(&breast(BREASTS_MM[n], [120, 24]), fineness, None)?;
         let slab = Field::new(&slab(SLABS_MM[n]), fineness, None)?;
         Exposures::new(vec![
@@ -121,8 +124,8 @@ pub struct Truth {
 struct Set {
     fields: [Field; 2],
     grains: Grains,
+    /// Logarithms of doses under tilted paddles over those under flat ones.
     doses: Vec<f64>,
-    wedges: Vec<f64>,
 }
 
 impl Truth {
@@ -130,17 +133,15 @@ impl Truth {
     ///
     /// # Errors
     /// None with the tables of this program.
-    pub fn new(model: &Search, photons: u64) -> Result<Self, StudyError> {
-        let set = |n: usize, of: &Exposures| -> Result<Set, StudyError> {
+    pub fn new(model: &Search, photons: u64) -> Result<Self, ChainError> {
+        let set = |n: usize, of: &Exposures| -> Result<Set, ChainError> {
             let histories = Histories { photons, seed: 101 + n as u64 };
-            let fineness = Fineness { pixel_mm: 0.2, histories, step_mm: 1.6 };
+            let fineness = Fineness { pixel_mm: 0.2, histories, step_mm: 1.6, smooth_mm: 12.0 };
             let places = |k: usize| match &of.objects[k] {
                 Object::Field(field, _) => field.centers.clone(),
                 _ => Vec::new(),
             };
-            let field = |body: &Body, k: usize| {
-                Field::new(body, fineness, Some(&places(k))).map_err(study_error)
-            };
+            let field = |body: &Body, k: usize| Field::new(body, fineness, Some(&places(k)));
             let (thickness_mm, tilt) = DOSES[n];
             let plan = StudyPlan {
                 outlines: vec![Outline::HalfCylinder],
@@ -148,7 +149,7 @@ impl Truth {
                 thickness_mm: thickness_mm.to_vec(),
                 tilt_deg: vec![0.0, tilt],
                 glandularity: vec![0.2],
-                histories,
+                histories: Histories { photons: DOSE_PHOTONS, ..histories },
             };
             let tilted = study(&plan, &|_| ())?.cases.into_iter().filter(|c| c.tilt_deg != 0.0);
             let shift = [0.043 - 0.06 * n as f64, 0.027];
@@ -157,9 +158,8 @@ impl Truth {
                     field(&breast(BREASTS_MM[n], [190, 37]), 0)?,
                     field(&slab(SLABS_MM[n]), 1)?,
                 ],
-                grains: Grains::new(shift, 4).map_err(study_error)?,
+                grains: Grains::new(shift, 4)?,
                 doses: tilted.map(|case| case.tilted_over_flat.mean.ln()).collect(),
-                wedges: wedges(DOSES[n]),
             })
         };
         Ok(Self { sets: [set(0, &model.seen)?, set(1, &model.held_out)?] })
@@ -173,16 +173,6 @@ impl Truth {
         let one =
             |n: usize| self.sets[n].measure(hidden, seed.wrapping_mul(2).wrapping_add(n as u64));
         Ok([one(0)?, one(1)?])
-    }
-}
-
-fn study_error(cause: ChainError) -> StudyError {
-    match cause {
-        ChainError::Material(e) => e.into(),
-        ChainError::Beam(e) => e.into(),
-        ChainError::Surface(e) => e.into(),
-        ChainError::Exam(e) => e.into(),
-        ChainError::Covariance(_) => StudyError::NoFlat,
     }
 }
 
@@ -212,7 +202,6 @@ impl Set {
             0.002 * noise + if wedged { *dose } else { 0.0 }
         });
         all.push(doses.collect());
-        debug_assert_eq!(self.doses.len(), self.wedges.len());
         Ok(all)
     }
 }
@@ -228,11 +217,11 @@ impl Gain {
     fn draw(random: &mut ChaCha8Rng) -> Self {
         let size = UNEVEN * random.random_range(0.7..1.2) * (2.0 / WAVES as f64).sqrt();
         let length = UNEVEN_LENGTH_MM * random.random_range(0.8..1.3);
-        let per_mm =
-            Normal::new(0.0, 1.0 / length).unwrap_or(Normal::new(0.0, 0.04).expect("positive"));
-        let waves = (0..WAVES)
-            .map(|_| [per_mm.sample(random), per_mm.sample(random), random.random_range(0.0..TAU)])
-            .collect();
+        let mut wave = || {
+            let [u, v]: [f64; 2] = [StandardNormal.sample(random), StandardNormal.sample(random)];
+            [u / length, v / length, random.random_range(0.0..TAU)]
+        };
+        let waves = (0..WAVES).map(|_| wave()).collect();
         Self { size, waves }
     }
 

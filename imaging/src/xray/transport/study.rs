@@ -14,6 +14,7 @@ use crate::xray::{
         tally::Estimate,
     },
 };
+use mammotwin_data::{Mat3, Vec3};
 
 /// Radius (mm) of Dance's half cylinder.
 const RADIUS_MM: f64 = 80.0;
@@ -103,7 +104,7 @@ impl Default for StudyPlan {
             thickness_mm: vec![30.0, 45.0, 60.0, 80.0],
             tilt_deg: vec![0.0, 2.0, 4.0, 6.0],
             glandularity: vec![0.2, 0.5],
-            histories: Histories { photons: 400_000, seed: 1 },
+            histories: Histories { photons: 1_000_000, seed: 1 },
         }
     }
 }
@@ -165,13 +166,24 @@ pub struct Correction {
     pub residual: [f64; 2],
 }
 
+/// Dose under a flat paddle by Monte Carlo over Dance's: 1 + a + b (thickness / 50 mm - 1) + c (gland - 20 %).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlatCorrection {
+    /// a, b, c.
+    pub terms: [f64; 3],
+    /// Root mean square of what is left, and the largest of it.
+    pub residual: [f64; 2],
+}
+
 /// All cases, and the correction of each outline.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Study {
     /// In the order of the plan.
     pub cases: Vec<Case>,
-    /// By outline.
+    /// Of the wedge, by outline.
     pub corrections: Vec<(Outline, Correction)>,
+    /// Of outline and shield under a flat paddle.
+    pub flat: Vec<(Outline, Shield, FlatCorrection)>,
 }
 
 /// Computes all cases with the beam of 34 kV Rh/Ag behind 2.5 mm PMMA, whose scatter is left out
@@ -241,7 +253,36 @@ pub fn study(plan: &StudyPlan, progress: &dyn Fn(f64)) -> Result<Study, StudyErr
     progress(1.0);
     let of = |&outline: &Outline| correction(&cases, outline).map(|found| (outline, found));
     let corrections = plan.outlines.iter().filter_map(of).collect();
-    Ok(Study { cases, corrections })
+    let mut flat = Vec::new();
+    for &outline in &plan.outlines {
+        for &shield in &plan.shields {
+            flat.extend(flat_correction(&cases, outline, shield).map(|f| (outline, shield, f)));
+        }
+    }
+    Ok(Study { cases, corrections, flat })
+}
+
+/// Least squares over the flat cases of one outline and shield; `None` without two thicknesses and two
+/// glandularities.
+fn flat_correction(cases: &[Case], outline: Outline, shield: Shield) -> Option<FlatCorrection> {
+    let flat: Vec<(Vec3, f64)> = cases
+        .iter()
+        .filter(|case| case.outline == outline && case.shield == shield && case.tilt_deg == 0.0)
+        .map(|case| {
+            let basis = Vec3::new(1.0, case.thickness_mm / 50.0 - 1.0, case.glandularity - 0.2);
+            (basis, case.monte_carlo.mean / case.dance - 1.0)
+        })
+        .collect();
+    let normal: Mat3 = flat.iter().map(|(basis, _)| basis * basis.transpose()).sum();
+    let right: Vec3 = flat.iter().map(|(basis, off)| basis * *off).sum();
+    if normal.determinant() < 1e-9 {
+        return None;
+    }
+    let terms = normal.try_inverse()? * right;
+    let rest: Vec<f64> = flat.iter().map(|(basis, off)| (off - basis.dot(&terms)).abs()).collect();
+    let mean = rest.iter().map(|r| r * r).sum::<f64>() / rest.len() as f64;
+    let largest = rest.iter().copied().fold(0.0, f64::max);
+    Some(FlatCorrection { terms: terms.into(), residual: [mean.sqrt(), largest] })
 }
 
 /// Least squares of what the tilt does; `None` without two tilts.
