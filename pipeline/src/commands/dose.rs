@@ -102,7 +102,8 @@ fn corrections(study: &Study) -> String {
 
 /// Points of one curve for each name, means of what has the same name and place.
 fn curves(points: impl Iterator<Item = (String, f64, f64)>) -> Vec<Line> {
-    let mut found: Vec<(String, Vec<(f64, f64, f64)>)> = Vec::new();
+    // Of each curve: place, sum and number of its values.
+    let mut found: Vec<(String, Vec<[f64; 3]>)> = Vec::new();
     for (name, x, y) in points {
         let curve = match found.iter().position(|(known, _)| *known == name) {
             Some(n) => &mut found[n].1,
@@ -112,12 +113,12 @@ fn curves(points: impl Iterator<Item = (String, f64, f64)>) -> Vec<Line> {
                 &mut found[last].1
             }
         };
-        match curve.iter_mut().find(|(at, ..)| (at - x).abs() < 1e-9) {
-            Some((_, sum, count)) => (*sum, *count) = (*sum + y, *count + 1.0),
-            None => curve.push((x, y, 1.0)),
+        match curve.iter_mut().find(|[at, ..]| (*at - x).abs() < 1e-9) {
+            Some([_, sum, count]) => (*sum, *count) = (*sum + y, *count + 1.0),
+            None => curve.push([x, y, 1.0]),
         }
     }
-    let mean = |(x, sum, count): (f64, f64, f64)| (x, sum / count);
+    let mean = |[x, sum, count]: [f64; 3]| (x, sum / count);
     found
         .into_iter()
         .map(|(name, points)| Line { name, points: points.into_iter().map(mean).collect() })

@@ -73,7 +73,7 @@ pub enum Free {
 }
 
 impl Free {
-    fn of<'a>(self, parameters: &'a mut Parameters) -> &'a mut f64 {
+    fn of(self, parameters: &mut Parameters) -> &mut f64 {
         match self {
             Self::Scale(n) => &mut parameters.scale[n],
             Self::Gland => &mut parameters.gland,
@@ -104,8 +104,7 @@ impl Exposures {
     /// # Errors
     /// When a covariance has no factor.
     pub fn new(objects: Vec<Object>) -> Result<Self, ChainError> {
-        let factor =
-            |object: &Object| covariance(object).cholesky().ok_or_else(|| ChainError::Covariance);
+        let factor = |object: &Object| covariance(object).cholesky().ok_or(ChainError::Covariance);
         let factors: Result<_, _> = objects.iter().map(factor).collect();
         Ok(Self { factors: factors?, objects })
     }
