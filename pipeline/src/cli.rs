@@ -1,6 +1,11 @@
 //! What the command line understands.
 
+mod models;
+
+pub use models::{DoseArguments, ImageChainArguments, ProjectionArguments};
+
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use models::IMAGE_CHAIN_HELP;
 use std::path::PathBuf;
 
 /// From a volunteer's MRI to mammography metrics.
@@ -94,8 +99,14 @@ pub enum Command {
 #[derive(Debug, Subcommand)]
 pub enum StudyCommand {
     /// Dance's dose against Monte Carlo under a tilted paddle: table, chart, fitted correction
-    #[command(after_help = "Example:\n  mammotwin study dose --out runs/dose --photons 400000")]
+    #[command(after_help = "Example:\n  mammotwin study dose --out runs/dose --photons 1000000")]
     Dose(DoseArguments),
+    /// The projection of bodies with known path lengths: pictures, and how far off they are
+    #[command(after_help = "Example:\n  mammotwin study projection --out runs/projection")]
+    Projection(ProjectionArguments),
+    /// Image-chain effects hidden in simulated measured mammograms: found, named, added
+    #[command(after_help = IMAGE_CHAIN_HELP)]
+    ImageChain(ImageChainArguments),
     /// How often `discover` names what was hidden: volunteers with hidden effects, scored
     #[command(after_help = BENCHMARK_HELP)]
     Discovery(BenchmarkArguments),
@@ -184,20 +195,6 @@ pub struct PositionsArguments {
     /// Forces, pressures and stresses only; no mammogram, no dose
     #[arg(long)]
     pub no_picture: bool,
-}
-
-/// The study of dose.
-#[derive(Debug, Clone, Args)]
-pub struct DoseArguments {
-    /// Folder to write to; must not hold an earlier study
-    #[arg(long, value_name = "DIR", default_value = "runs/dose")]
-    pub out: PathBuf,
-    /// Photons for each breast; standard error of its dose: 0.3 % with 400000
-    #[arg(long, value_name = "N", default_value_t = 400_000)]
-    pub photons: u64,
-    /// Seed of the photons
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
 }
 
 const CHECK_HELP: &str = "\

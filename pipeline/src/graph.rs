@@ -2,6 +2,7 @@
 
 use mammotwin_data::{
     Failure,
+    io::dicom::Intent,
     labels::LabelMap,
     landmarks::Landmarks,
     store::{Entry, Run, Stored},
@@ -13,7 +14,10 @@ use mammotwin_stages::{
     calibrate::{Calibrate, Calibration},
     comfort::Comfort,
     compress::{Compress, Compression},
-    deliver::{Deliver, RawPicture, Report, ShownPicture},
+    deliver::{
+        Deliver, DicomPicture, PhantomLegend, PhantomMeta, PhantomNifti, RawPicture, Report,
+        ShownPicture, SixteenBits,
+    },
     discover::{Discover, Discovery, Evidence, Gather},
     effects::EFFECTS,
     mammogram::{Mammogram, Mammograms},
@@ -34,6 +38,8 @@ use std::collections::BTreeMap;
 const SEED: u64 = 1;
 /// Pixel size (mm) of the cuts in the report.
 const CUT_MM: f64 = 1.0;
+/// Voxel size (mm) of the phantom's labels.
+const LABEL_MM: f64 = 0.5;
 /// What the thesis calls a limit of its own: said in every report.
 const NO_DEVICE: &str = "A research result, not a medical device; nothing here is a diagnosis.";
 
@@ -261,14 +267,48 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
     let report = run.stage("", &report, (images, mechanics, squeezed))?;
     run.export("report.html", &report)?;
 
-    if let (Some(taken), Some(plan), Some(picture)) = (taken, &study.compress, &study.mammogram) {
+    share(study, run, phantom.zip(taken))
+}
+
+/// Pictures and phantom as files of other programs.
+fn share(
+    study: &Study,
+    run: &Run<'_>,
+    made: Option<(&Stored<CompressedPhantom>, &Stored<Mammograms>)>,
+) -> Result<(), Failure> {
+    if let (Some((phantom, taken)), Some(plan), Some(picture)) =
+        (made, &study.compress, &study.mammogram)
+    {
+        let voxel_mm = LABEL_MM;
+        let labels = run.stage("", &PhantomNifti { voxel_mm }, phantom)?;
+        run.export("images/phantom.nii.gz", &labels)?;
+        let labels = run.stage("", &PhantomMeta { voxel_mm }, phantom)?;
+        run.export("images/phantom.mha", &labels)?;
+        let legend = run.stage("", &PhantomLegend, phantom)?;
+        run.export("images/phantom.json", &legend)?;
         for (number, diameter_mm) in picture.calcifications.diameter_mm.iter().enumerate() {
             let um = (1000.0 * diameter_mm).round();
             let name = format!("calcifications_{um}um");
             let raw = run.stage(&name, &RawPicture { number }, taken)?;
             run.export(&format!("images/{name}.tiff"), &raw)?;
+            let counts = run.stage(&name, &SixteenBits { number }, taken)?;
+            run.export(&format!("images/{name}_16bit.tiff"), &counts)?;
             let shown = run.stage(&name, &ShownPicture { number, side: plan.side }, taken)?;
             run.export(&format!("images/{name}.png"), &shown)?;
+            for (intent, word) in
+                [(Intent::Processing, "for_processing"), (Intent::Presentation, "for_presentation")]
+            {
+                let dicom = DicomPicture {
+                    number,
+                    side: plan.side,
+                    view: plan.view,
+                    intent,
+                    subject: study.subject.id.clone(),
+                    energy_kev: picture.energy_kev,
+                };
+                let file = run.stage(&format!("{name}_{word}"), &dicom, (phantom, taken))?;
+                run.export(&format!("images/{name}_{word}.dcm"), &file)?;
+            }
         }
     }
     Ok(())

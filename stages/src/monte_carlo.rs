@@ -10,23 +10,13 @@ use mammotwin_imaging::xray::{
     dose::average_glandular_dose,
     spectrum::Spectrum,
     transport::{
-        bodies::Closed,
-        exam::{Exam, MEDIA, Setup, examine},
+        exam::{Exam, Setup, examine},
         photon::Histories,
-        scene::Bounds,
         tally::Estimate,
     },
 };
 use serde::Serialize;
 
-/// Cells (mm) of the distances from the skin.
-const STEP_MM: f64 = 2.0;
-/// Skin (mm): Huang et al. (2008), mean of 51 breasts.
-const SKIN_MM: f64 = 1.45;
-/// Body behind the detector's edge that may scatter (mm).
-const BEHIND_MM: f64 = 40.0;
-/// The skin may lie this far (mm) beyond the plates.
-const BEYOND_MM: f64 = 1.0;
 /// Radius (mm) around the middle of the microcalcifications in which scatter is averaged.
 const DISC_MM: f64 = 20.0;
 
@@ -48,10 +38,7 @@ impl MonteCarlo {
         let refuse =
             |cause: &dyn std::fmt::Display| Failure::BadInput(format!("monte_carlo: {cause}"));
         let thickness = phantom.thickness_mm;
-        let far = f64::MAX;
-        let part = Bounds::of([-far, far], [-BEHIND_MM, far], [-BEYOND_MM, thickness + BEYOND_MM]);
-        let body = Closed::part(&phantom.surface, part, STEP_MM, SKIN_MM, MEDIA)
-            .map_err(|c| refuse(&c))?;
+        let body = phantom.body().map_err(|c| refuse(&c))?;
         let paddle = Material::named("pmma").map_err(|c| refuse(&c))?;
         let tube = Spectrum::of_tube("Rh/Ag", 34).map_err(|c| refuse(&c))?;
         let beam = tube.behind(&paddle, 2.5).map_err(|c| refuse(&c))?.of_all();

@@ -9,9 +9,22 @@ use mammotwin_data::{
     study::MammogramPlan,
     surface::TriMesh,
 };
-use mammotwin_imaging::xray::phantom::{self, PhantomError};
+use mammotwin_imaging::xray::{
+    phantom::{self, PhantomError},
+    raster::RasterError,
+    transport::{bodies::Closed, exam::MEDIA, scene::Bounds},
+};
 use serde::Serialize;
 use std::path::Path;
+
+/// Cells (mm) of the distances from the skin.
+const STEP_MM: f64 = 2.0;
+/// Skin (mm): Huang et al. (2008), mean of 51 breasts.
+const SKIN_MM: f64 = 1.45;
+/// Body behind the detector's edge that may scatter (mm).
+const BEHIND_MM: f64 = 40.0;
+/// The skin may lie this far (mm) beyond the plates.
+const BEYOND_MM: f64 = 1.0;
 
 /// Fills the compressed surface with tissue and microcalcifications.
 #[derive(Debug, Clone, Serialize)]
@@ -40,6 +53,14 @@ impl CompressedPhantom {
     pub fn with_diameter(&self, diameter_mm: f64) -> Result<phantom::Phantom, PhantomError> {
         let surface = self.surface.clone();
         phantom::Phantom::new(surface, self.thickness_mm, &self.plan, diameter_mm, self.seed)
+    }
+
+    /// Air, skin and tissue by place, without microcalcifications, up to the plates and a little
+    /// behind the detector's edge.
+    pub fn body(&self) -> Result<Closed, RasterError> {
+        let (far, top) = (f64::MAX, self.thickness_mm + BEYOND_MM);
+        let part = Bounds::of([-far, far], [-BEHIND_MM, far], [-BEYOND_MM, top]);
+        Closed::part(&self.surface, part, STEP_MM, SKIN_MM, MEDIA)
     }
 }
 

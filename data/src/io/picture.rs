@@ -56,6 +56,16 @@ pub fn write_gray16(
     }
 }
 
+/// The largest power of two, at most 1, with which a signal fits into 16 bits.
+pub fn gain16(signal: &Radiograph) -> f64 {
+    let brightest = signal.pixels.iter().fold(0f32, |most, &pixel| most.max(pixel));
+    let mut gain = 1.0;
+    while f64::from(brightest) * gain > f64::from(u16::MAX) && brightest.is_finite() {
+        gain *= 0.5;
+    }
+    gain
+}
+
 /// Attenuations ln(brightest signal / signal) that are shown black and white.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Presentation {
@@ -92,30 +102,36 @@ pub fn write_presentation(
     let scale = 255.0 / (window.white - window.black);
     let gray: Vec<u8> =
         attenuation(signal).iter().map(|a| ((a - window.black) * scale).round() as u8).collect();
-    // Seen from above with x to the right and y up, the right breast is turned by +90 degrees
-    // and the left one by -90: never mirrored.
+    let hung = hang(&gray, signal, side);
     let (columns, rows) = (signal.columns, signal.rows);
-    let hung: Vec<u8> = (0..columns * rows)
-        .map(|n| {
-            let (line, across) = (n / rows, n % rows);
-            match side {
-                Side::Right => gray[(rows - 1 - across) * columns + (columns - 1 - line)],
-                Side::Left => gray[across * columns + line],
-            }
-        })
-        .collect();
     save(path, |file| png(file, &hung, [rows, columns], ExtendedColorType::L8))
 }
 
+/// Pixels turned as mammograms are hung: lines of `rows` pixels, `columns` of them.
+pub(super) fn hang<T: Copy>(pixels: &[T], picture: &Radiograph, side: Side) -> Vec<T> {
+    // Seen from above with x to the right and y up, the right breast is turned by +90 degrees
+    // and the left one by -90: never mirrored.
+    let (columns, rows) = (picture.columns, picture.rows);
+    (0..columns * rows)
+        .map(|n| {
+            let (line, across) = (n / rows, n % rows);
+            match side {
+                Side::Right => pixels[(rows - 1 - across) * columns + (columns - 1 - line)],
+                Side::Left => pixels[across * columns + line],
+            }
+        })
+        .collect()
+}
+
 /// ln(brightest / pixel); pixels without signal are as dense as one quantum.
-fn attenuation(signal: &Radiograph) -> Vec<f64> {
+pub(super) fn attenuation(signal: &Radiograph) -> Vec<f64> {
     let brightest = signal.pixels.iter().fold(1f32, |most, &pixel| most.max(pixel));
     let of = |pixel: &f32| f64::from(brightest / pixel.max(1.0)).ln();
     signal.pixels.iter().map(of).collect()
 }
 
 /// Fills a new file and closes it with its errors checked.
-fn save(
+pub(super) fn save(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<File>) -> Result<(), String>,
 ) -> Result<(), PictureError> {

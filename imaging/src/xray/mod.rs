@@ -14,14 +14,14 @@ pub mod detector;
 pub mod dose;
 pub mod exposure;
 pub mod geometry;
+pub mod known;
 pub mod mtf;
 pub mod phantom;
 pub mod placement;
 pub mod project;
 pub mod quality;
 pub mod raster;
-#[cfg(test)]
-mod shapes;
+pub mod shapes;
 pub mod spectrum;
 pub mod statistics;
 pub mod transport;

@@ -45,6 +45,13 @@ impl Scintillator {
         (-frequency * frequency / q).exp()
     }
 
+    /// A scintillator whose light spreads further: by a Gaussian of this standard deviation (mm).
+    pub fn blurred(&self, sigma_mm: f64) -> Self {
+        let more = |f: f64| (-2.0 * (PI * sigma_mm * f).powi(2)).exp();
+        let points = self.points.iter().map(|&[f, value]| [f, value * more(f)]).collect();
+        Self { name: self.name.clone(), points }
+    }
+
     /// Transfer of scintillator and pixel aperture together.
     pub fn presampled(&self, frequency: f64, pitch_mm: f64) -> f64 {
         self.transfer(frequency) * aperture(frequency, pitch_mm)

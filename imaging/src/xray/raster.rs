@@ -74,6 +74,9 @@ pub fn path_lengths(
     if edges > 0 {
         return Err(RasterError::Open { edges });
     }
+    if window.rows * window.columns == 0 {
+        return Ok(Vec::new());
+    }
     let facets = facets(surface, source_height_mm, window)?;
     let bands = Bands::of(&facets, window.rows);
     let mut pixels = vec![0f32; window.rows * window.columns];

@@ -1,6 +1,7 @@
-//! Closed shapes with known path lengths, for tests.
+//! Simple closed shapes.
 
 use mammotwin_data::{Vec3, surface::TriMesh};
+use std::f64::consts::PI;
 
 /// A prism over a convex outline, counter-clockwise in (x, y), between two heights that may depend
 /// on the place.
@@ -36,10 +37,60 @@ pub fn cuboid(low: [f64; 3], high: [f64; 3]) -> TriMesh {
 
 /// A half cylinder with upright axis on the detector's edge: a breast between plates.
 pub fn half_cylinder(radius: f64, bottom: f64, top: f64, facets: usize) -> TriMesh {
-    let angle = |k: usize| std::f64::consts::PI * k as f64 / facets as f64;
+    let angle = |k: usize| PI * k as f64 / facets as f64;
     let outline: Vec<[f64; 2]> =
         (0..=facets).map(|k| [radius * angle(k).cos(), radius * angle(k).sin()]).collect();
     prism(&outline, |_| bottom, |_| top)
+}
+
+/// A compressed breast: half an ellipse with round sides of half the thickness, under a paddle that may
+/// be tilted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rounded {
+    /// Extent (mm), rim included: half its width, and away from the chest wall.
+    pub extent_mm: [f64; 2],
+    /// Nominal thickness (mm).
+    pub thickness_mm: f64,
+    /// Height (mm) of the upper side at the chest wall.
+    pub top_mm: f64,
+    /// How much the upper side sinks per mm away from the chest wall.
+    pub slope: f64,
+    /// How far (mm) it goes on behind the chest wall, so that a layer of skin lies there.
+    pub behind_mm: f64,
+}
+
+impl Rounded {
+    /// Its closed surface, of so many facets around and up.
+    pub fn surface(&self, around: u32, up: u32) -> TriMesh {
+        let half = 0.5 * self.thickness_mm;
+        let [width, length] = self.extent_mm;
+        let mut points = vec![];
+        for k in 0..=up {
+            let angle = PI * (f64::from(k) / f64::from(up) - 0.5);
+            let (share, out) = (0.5 + 0.5 * angle.sin(), half * angle.cos() - half);
+            for n in 0..=around {
+                let turn = PI * f64::from(n) / f64::from(around);
+                let (x, y) = ((width + out) * turn.cos(), (length + out) * turn.sin());
+                let y = if n == 0 || n == around { -self.behind_mm } else { y };
+                points.push(Vec3::new(x, y, share * (self.top_mm - self.slope * y.max(0.0))));
+            }
+        }
+        let at = |k: u32, n: u32| k * (around + 1) + n;
+        let mut triangles = vec![];
+        for k in 0..up {
+            for n in 0..around {
+                triangles.push([at(k, n), at(k, n + 1), at(k + 1, n + 1)]);
+                triangles.push([at(k, n), at(k + 1, n + 1), at(k + 1, n)]);
+            }
+            triangles.push([at(k, around), at(k, 0), at(k + 1, 0)]);
+            triangles.push([at(k, around), at(k + 1, 0), at(k + 1, around)]);
+        }
+        for n in 1..around {
+            triangles.push([at(0, 0), at(0, n + 1), at(0, n)]);
+            triangles.push([at(up, 0), at(up, n), at(up, n + 1)]);
+        }
+        TriMesh { points, triangles }
+    }
 }
 
 /// Path (mm) from (0, 0, height) to (x, y, 0) inside the exact half cylinder.

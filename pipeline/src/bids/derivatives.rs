@@ -128,9 +128,10 @@ pub fn publish(run: &Path, out: &Path, label: &str) -> Result<(), Failure> {
     let pictures = run.join("images");
     if let Ok(entries) = fs::read_dir(&pictures) {
         for entry in entries.flatten() {
+            // The phantom's labels stay in the work folder.
             let name = entry.file_name().to_string_lossy().replace('_', "");
-            let name = name.replacen("calcifications", "desc-calcifications", 1);
-            let name = name.replace(".png", "_mammogram.png").replace(".tiff", "_mammogram.tiff");
+            let Some(name) = name.strip_prefix("calcifications") else { continue };
+            let name = format!("desc-calcifications{}", name.replacen('.', "_mammogram.", 1));
             copy(&entry.path(), &file(out, label, &name))?;
         }
     }

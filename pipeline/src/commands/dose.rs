@@ -5,12 +5,12 @@ use crate::cli::DoseArguments;
 use mammotwin_data::Failure;
 use mammotwin_imaging::xray::transport::{
     photon::Histories,
-    study::{Case, Outline, Shield, Study, StudyPlan, study},
+    study::{Case, Study, StudyPlan, study},
 };
 use mammotwin_stages::report::chart::{Axis, Chart, Line, lines};
 use std::{fmt::Write, fs};
 
-/// Computes the study and writes `dose.csv`, `dose.svg` and `correction.csv`.
+/// Computes the study and writes `dose.csv`, `flat.svg`, `tilt.svg` and `correction.csv`.
 pub fn dose(arguments: &DoseArguments) -> Result<(), Failure> {
     if !(1000..=10_000_000_000).contains(&arguments.photons) {
         return Err(Failure::Usage("--photons: give 1000 to 10000000000".into()));
@@ -35,9 +35,10 @@ pub fn dose(arguments: &DoseArguments) -> Result<(), Failure> {
         .map_err(|cause| Failure::BadInput(format!("study dose: {cause}")))?;
     write(&folder.join("dose.csv"), table(&found))?;
     write(&folder.join("correction.csv"), corrections(&found))?;
-    write(&folder.join("dose.svg"), lines(&chart(&found)))?;
+    write(&folder.join("flat.svg"), lines(&flat(&found)))?;
+    write(&folder.join("tilt.svg"), lines(&tilt(&found)))?;
     print!("{}", corrections(&found));
-    println!("{}: dose.csv, dose.svg, correction.csv", folder.display());
+    println!("{}: dose.csv, flat.svg, tilt.svg, correction.csv", folder.display());
     Ok(())
 }
 
@@ -71,9 +72,21 @@ fn table(study: &Study) -> String {
 
 fn corrections(study: &Study) -> String {
     let mut text = String::from(
-        "# AGD = K g c s (1 + a w + b w^2), w: largest less smallest thickness over their mean\n\
-         outline,a,b,residual_rms,residual_largest\n",
+        "# AGD = K g c s (1 + a + b (t / 50 mm - 1) + c (gland - 0.2)) (1 + d w + e w^2)\n\
+         # t: nominal thickness, w: largest less smallest thickness over their mean, gland: mass fraction\n\
+         outline,shield,a,b,c,residual_rms,residual_largest\n",
     );
+    for (outline, shield, found) in &study.flat {
+        let ([a, b, c], [rms, largest]) = (found.terms, found.residual);
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            text,
+            "{},{},{a:.4},{b:.4},{c:.4},{rms:.4},{largest:.4}",
+            outline.name(),
+            shield.name()
+        );
+    }
+    text.push_str("outline,d,e,residual_rms,residual_largest\n");
     for (outline, found) in &study.corrections {
         let [rms, largest] = found.residual;
         let _ = writeln!(
@@ -87,26 +100,65 @@ fn corrections(study: &Study) -> String {
     text
 }
 
-/// What a tilt does to the dose, one line for each outline and thickness.
-fn chart(study: &Study) -> Chart {
-    let mut curves: Vec<Line> = Vec::new();
-    let gland = study.cases.first().map_or(0.0, |case| case.glandularity);
-    let shown = |case: &&Case| case.shield == Shield::Skin && case.glandularity == gland;
-    for case in study.cases.iter().filter(shown) {
-        let rounded = if case.outline == Outline::Rounded { "rounded" } else { "cylinder" };
-        let name = format!("{rounded}, {} mm", case.thickness_mm);
-        let point = (case.wedge, 100.0 * (case.tilted_over_flat.mean - 1.0));
-        match curves.iter_mut().find(|line| line.name == name) {
-            Some(line) => line.points.push(point),
-            None => curves.push(Line { name, points: vec![point] }),
+/// Points of one curve for each name, means of what has the same name and place.
+fn curves(points: impl Iterator<Item = (String, f64, f64)>) -> Vec<Line> {
+    // Of each curve: place, sum and number of its values.
+    let mut found: Vec<(String, Vec<[f64; 3]>)> = Vec::new();
+    for (name, x, y) in points {
+        let curve = match found.iter().position(|(known, _)| *known == name) {
+            Some(n) => &mut found[n].1,
+            None => {
+                found.push((name, Vec::new()));
+                let last = found.len() - 1;
+                &mut found[last].1
+            }
+        };
+        match curve.iter_mut().find(|[at, ..]| (*at - x).abs() < 1e-9) {
+            Some([_, sum, count]) => (*sum, *count) = (*sum + y, *count + 1.0),
+            None => curve.push([x, y, 1.0]),
         }
     }
+    let mean = |[x, sum, count]: [f64; 3]| (x, sum / count);
+    found
+        .into_iter()
+        .map(|(name, points)| Line { name, points: points.into_iter().map(mean).collect() })
+        .collect()
+}
+
+/// Monte Carlo over Dance under a flat paddle, by outline and shield, mean over glandularities.
+fn flat(study: &Study) -> Chart {
+    let flat = study.cases.iter().filter(|case| case.tilt_deg == 0.0);
+    Chart {
+        title: "Dose of a breast's own outline and skin against Dance's".into(),
+        caption: "Monte Carlo, Rh/Ag 34 kV, flat paddle, mean of all glandularities".into(),
+        x_label: "thickness (mm)".into(),
+        y_label: "Monte Carlo over K g c s".into(),
+        lines: curves(flat.map(|case| {
+            let name = format!("{}, {}", case.outline.name(), case.shield.name());
+            (name, case.thickness_mm, case.monte_carlo.mean / case.dance)
+        })),
+        marks: Vec::new(),
+        x_axis: Axis::Rising,
+    }
+}
+
+/// What a tilt does to the dose of the thinnest and of the third thickness, mean over shields and
+/// glandularities.
+fn tilt(study: &Study) -> Chart {
+    let mut thickness: Vec<f64> = study.cases.iter().map(|case| case.thickness_mm).collect();
+    thickness.sort_by(f64::total_cmp);
+    thickness.dedup();
+    let shown = [thickness.first(), thickness.get(2)];
+    let tilted = study.cases.iter().filter(|case| shown.contains(&Some(&case.thickness_mm)));
     Chart {
         title: "Dose under a tilted paddle against a flat one of the same nominal thickness".into(),
-        caption: "Monte Carlo, Rh/Ag 34 kV, skin of 1.45 mm".into(),
+        caption: "Monte Carlo, Rh/Ag 34 kV, mean of shields and glandularities".into(),
         x_label: "largest less smallest thickness, over their mean".into(),
         y_label: "change of AGD / K (%)".into(),
-        lines: curves,
+        lines: curves(tilted.map(|case| {
+            let name = format!("{}, {} mm", case.outline.name(), case.thickness_mm);
+            (name, case.wedge, 100.0 * (case.tilted_over_flat.mean - 1.0))
+        })),
         marks: Vec::new(),
         x_axis: Axis::Rising,
     }

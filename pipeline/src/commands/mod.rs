@@ -8,9 +8,11 @@ pub mod discover;
 pub mod dose;
 pub mod effects;
 pub mod explain;
+pub mod image_chain;
 pub mod inspect;
 pub mod keep;
 pub mod manual;
+pub mod projection;
 pub mod run;
 pub mod score;
 pub mod status;
@@ -55,6 +57,8 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Gc(arguments) => keep::gc(arguments),
         Command::Inspect(arguments) => inspect::inspect(arguments),
         Command::Study(StudyCommand::Dose(arguments)) => dose::dose(arguments),
+        Command::Study(StudyCommand::Projection(arguments)) => projection::projection(arguments),
+        Command::Study(StudyCommand::ImageChain(arguments)) => image_chain::image_chain(arguments),
         Command::Study(StudyCommand::Discovery(arguments)) => benchmark::benchmark(arguments),
         Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),
         Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),

@@ -10,12 +10,19 @@ use mammotwin_data::{
 use serde::Serialize;
 use std::path::Path;
 
-bytes_artifact!("A 32-bit float TIFF of counted quanta.", TiffFile, "tiff");
+bytes_artifact!("A TIFF of counted quanta.", TiffFile, "tiff");
 bytes_artifact!("An 8-bit PNG for the eye.", PngFile, "png");
 
 /// Counted quanta, pixel by pixel, for measuring.
 #[derive(Debug, Clone, Serialize)]
 pub struct RawPicture {
+    /// Which of the pictures.
+    pub number: usize,
+}
+
+/// Counted quanta in 16 bits, times the power of two that its description names.
+#[derive(Debug, Clone, Serialize)]
+pub struct SixteenBits {
     /// Which of the pictures.
     pub number: usize,
 }
@@ -49,6 +56,25 @@ impl Stage for RawPicture {
         let signal = picture(mammograms, self.number)?;
         let write = |path: &Path| {
             picture::write_float_tiff(path, signal).map_err(|cause| Failure::io(path, cause))
+        };
+        bytes_of("picture.tiff", write).map(TiffFile)
+    }
+}
+
+impl Stage for SixteenBits {
+    const NAME: &'static str = "tiff16";
+    const VERSION: u32 = 1;
+    const METHODS: &'static str = "";
+    type Input = Mammograms;
+    type Output = TiffFile;
+
+    fn run(&self, mammograms: &Mammograms, _: &dyn Progress) -> Result<TiffFile, Failure> {
+        let signal = picture(mammograms, self.number)?;
+        let gain = picture::gain16(signal);
+        let quantity = format!("{gain} x {}", signal.quantity);
+        let named = Radiograph { quantity, ..signal.clone() };
+        let write = |path: &Path| {
+            picture::write_gray16(path, &named, gain).map_err(|cause| Failure::io(path, cause))
         };
         bytes_of("picture.tiff", write).map(TiffFile)
     }

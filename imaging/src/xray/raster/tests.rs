@@ -217,6 +217,15 @@ fn any_number_of_threads_gives_the_same_bits() {
 }
 
 #[test]
+fn a_window_without_samples_has_no_paths() {
+    let slab = cuboid([-5.0, -5.0, 0.0], [5.0, 5.0, 7.0]);
+    for [columns, rows] in [[0, 4], [4, 0]] {
+        let w = window([0.0, 0.0], 1.0, columns, rows);
+        assert!(path_lengths(&slab, HEIGHT, &w).unwrap().is_empty());
+    }
+}
+
+#[test]
 fn open_surfaces_and_points_above_the_source_are_refused() {
     let mut slab = cuboid([-5.0, -5.0, 0.0], [5.0, 5.0, 700.0]);
     let w = window([0.0, 0.0], 1.0, 4, 4);

@@ -5,6 +5,7 @@ use crate::xray::{
     dose::{DoseBeam, DoseError, average_glandular_dose},
     geometry::Geometry,
     raster::RasterError,
+    shapes::Rounded,
     spectrum::{Spectrum, UnknownBeam},
     transport::{
         bodies::{Closed, HalfCylinder},
@@ -13,8 +14,7 @@ use crate::xray::{
         tally::Estimate,
     },
 };
-use mammotwin_data::{Vec3, surface::TriMesh};
-use std::f64::consts::PI;
+use mammotwin_data::{Mat3, Vec3};
 
 /// Radius (mm) of Dance's half cylinder.
 const RADIUS_MM: f64 = 80.0;
@@ -104,7 +104,7 @@ impl Default for StudyPlan {
             thickness_mm: vec![30.0, 45.0, 60.0, 80.0],
             tilt_deg: vec![0.0, 2.0, 4.0, 6.0],
             glandularity: vec![0.2, 0.5],
-            histories: Histories { photons: 400_000, seed: 1 },
+            histories: Histories { photons: 1_000_000, seed: 1 },
         }
     }
 }
@@ -166,13 +166,24 @@ pub struct Correction {
     pub residual: [f64; 2],
 }
 
+/// Dose under a flat paddle by Monte Carlo over Dance's: 1 + a + b (thickness / 50 mm - 1) + c (gland - 20 %).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlatCorrection {
+    /// a, b, c.
+    pub terms: [f64; 3],
+    /// Root mean square of what is left, and the largest of it.
+    pub residual: [f64; 2],
+}
+
 /// All cases, and the correction of each outline.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Study {
     /// In the order of the plan.
     pub cases: Vec<Case>,
-    /// By outline.
+    /// Of the wedge, by outline.
     pub corrections: Vec<(Outline, Correction)>,
+    /// Of outline and shield under a flat paddle.
+    pub flat: Vec<(Outline, Shield, FlatCorrection)>,
 }
 
 /// Computes all cases with the beam of 34 kV Rh/Ag behind 2.5 mm PMMA, whose scatter is left out
@@ -242,7 +253,36 @@ pub fn study(plan: &StudyPlan, progress: &dyn Fn(f64)) -> Result<Study, StudyErr
     progress(1.0);
     let of = |&outline: &Outline| correction(&cases, outline).map(|found| (outline, found));
     let corrections = plan.outlines.iter().filter_map(of).collect();
-    Ok(Study { cases, corrections })
+    let mut flat = Vec::new();
+    for &outline in &plan.outlines {
+        for &shield in &plan.shields {
+            flat.extend(flat_correction(&cases, outline, shield).map(|f| (outline, shield, f)));
+        }
+    }
+    Ok(Study { cases, corrections, flat })
+}
+
+/// Least squares over the flat cases of one outline and shield; `None` without two thicknesses and two
+/// glandularities.
+fn flat_correction(cases: &[Case], outline: Outline, shield: Shield) -> Option<FlatCorrection> {
+    let flat: Vec<(Vec3, f64)> = cases
+        .iter()
+        .filter(|case| case.outline == outline && case.shield == shield && case.tilt_deg == 0.0)
+        .map(|case| {
+            let basis = Vec3::new(1.0, case.thickness_mm / 50.0 - 1.0, case.glandularity - 0.2);
+            (basis, case.monte_carlo.mean / case.dance - 1.0)
+        })
+        .collect();
+    let normal: Mat3 = flat.iter().map(|(basis, _)| basis * basis.transpose()).sum();
+    let right: Vec3 = flat.iter().map(|(basis, off)| basis * *off).sum();
+    if normal.determinant() < 1e-9 {
+        return None;
+    }
+    let terms = normal.try_inverse()? * right;
+    let rest: Vec<f64> = flat.iter().map(|(basis, off)| (off - basis.dot(&terms)).abs()).collect();
+    let mean = rest.iter().map(|r| r * r).sum::<f64>() / rest.len() as f64;
+    let largest = rest.iter().copied().fold(0.0, f64::max);
+    Some(FlatCorrection { terms: terms.into(), residual: [mean.sqrt(), largest] })
 }
 
 /// Least squares of what the tilt does; `None` without two tilts.
@@ -316,45 +356,17 @@ impl Wedge {
                 examine(body, setup, &geometry, beam, histories)?
             }
             Outline::Rounded => {
-                let surface = rounded(self.thickness, top, self.slope, shield_mm);
+                let shape = Rounded {
+                    extent_mm: EXTENT_MM,
+                    thickness_mm: self.thickness,
+                    top_mm: top,
+                    slope: self.slope,
+                    behind_mm: shield_mm,
+                };
+                let surface = shape.surface(72, 16);
                 let body = Closed::new(&surface, STEP_MM, shield_mm, MEDIA)?;
                 examine(body, setup, &geometry, beam, histories)?
             }
         })
     }
-}
-
-/// Half an ellipse with round sides of half the thickness. It goes on behind the chest wall by the
-/// thickness of the shield, so that none lies in front of it there.
-fn rounded(thickness: f64, top: f64, slope: f64, behind: f64) -> TriMesh {
-    const AROUND: u32 = 72;
-    const UP: u32 = 16;
-    let half = 0.5 * thickness;
-    let mut points = vec![];
-    for k in 0..=UP {
-        let angle = PI * (f64::from(k) / f64::from(UP) - 0.5);
-        let (share, out) = (0.5 + 0.5 * angle.sin(), half * angle.cos() - half);
-        for n in 0..=AROUND {
-            let turn = PI * f64::from(n) / f64::from(AROUND);
-            let x = (EXTENT_MM[0] + out) * turn.cos();
-            let y = (EXTENT_MM[1] + out) * turn.sin();
-            let y = if n == 0 || n == AROUND { -behind } else { y };
-            points.push(Vec3::new(x, y, share * (top - slope * y.max(0.0))));
-        }
-    }
-    let at = |k: u32, n: u32| k * (AROUND + 1) + n;
-    let mut triangles = vec![];
-    for k in 0..UP {
-        for n in 0..AROUND {
-            triangles.push([at(k, n), at(k, n + 1), at(k + 1, n + 1)]);
-            triangles.push([at(k, n), at(k + 1, n + 1), at(k + 1, n)]);
-        }
-        triangles.push([at(k, AROUND), at(k, 0), at(k + 1, 0)]);
-        triangles.push([at(k, AROUND), at(k + 1, 0), at(k + 1, AROUND)]);
-    }
-    for n in 1..AROUND {
-        triangles.push([at(0, 0), at(0, n + 1), at(0, n)]);
-        triangles.push([at(UP, 0), at(UP, n), at(UP, n + 1)]);
-    }
-    TriMesh { points, triangles }
 }

@@ -1,0 +1,56 @@
+//! Arguments of the studies of the models themselves.
+
+use clap::Args;
+use std::path::PathBuf;
+
+/// The study of dose.
+#[derive(Debug, Clone, Args)]
+pub struct DoseArguments {
+    /// Folder to write to; must not hold an earlier study
+    #[arg(long, value_name = "DIR", default_value = "runs/dose")]
+    pub out: PathBuf,
+    /// Photons for each breast; standard error of its dose: 0.2 % with 1000000
+    #[arg(long, value_name = "N", default_value_t = 1_000_000)]
+    pub photons: u64,
+    /// Seed of the photons
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// The study of the projection.
+#[derive(Debug, Clone, Args)]
+pub struct ProjectionArguments {
+    /// Folder to write to
+    #[arg(long, value_name = "DIR", default_value = "runs/projection")]
+    pub out: PathBuf,
+    /// Pixel pitch (mm)
+    #[arg(long, value_name = "MM", default_value_t = 0.1)]
+    pub pixel_mm: f64,
+}
+
+pub(super) const IMAGE_CHAIN_HELP: &str = "\
+Simulates the acceptance of a unit: a breast, a uniform slab, a test object with grains and doses under a
+tilted paddle, with one effect in them that the image model lacks, quantum noise and an uneven gain of
+the detector. The search sees one set; another decides. Effects: scatter, heel, beam_spectrum, blur, agd_wedge;
+gain_gradient is in none of the library, none hides nothing.
+
+Examples:
+  mammotwin study image-chain --hide heel --out runs/heel
+  mammotwin study image-chain --hide none --seed 3 --json";
+
+/// The study of the image chain.
+#[derive(Debug, Clone, Args)]
+pub struct ImageChainArguments {
+    /// Folder to write to
+    #[arg(long, value_name = "DIR", default_value = "runs/image-chain")]
+    pub out: PathBuf,
+    /// Effect to hide
+    #[arg(long, value_name = "EFFECT", default_value = "scatter")]
+    pub hide: String,
+    /// Seed of noise and gain
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Answer in JSON
+    #[arg(long)]
+    pub json: bool,
+}

@@ -1,0 +1,34 @@
+//! `mammotwin study projection`: path lengths against closed forms.
+
+use super::write;
+use crate::cli::ProjectionArguments;
+use mammotwin_data::{Failure, io::picture::write_float_tiff};
+use mammotwin_imaging::xray::{
+    geometry::Geometry,
+    known::{Known, measure},
+};
+use std::{fmt::Write, fs};
+
+/// Writes a picture of each body and `projection.csv`.
+pub fn projection(arguments: &ProjectionArguments) -> Result<(), Failure> {
+    if !(0.05..=10.0).contains(&arguments.pixel_mm) {
+        return Err(Failure::Usage("--pixel-mm: give 0.05 to 10".into()));
+    }
+    let folder = &arguments.out;
+    fs::create_dir_all(folder).map_err(|cause| Failure::io(folder, cause))?;
+    let geometry = Geometry::pristina(arguments.pixel_mm);
+    let mut table = String::from(
+        "# Path lengths of surfaces less closed forms, over the root mean square path\n\
+         body,relative_rms,relative_largest\n",
+    );
+    for body in Known::ALL {
+        let (picture, [rms, largest]) = measure(body, &geometry)
+            .map_err(|cause| Failure::BadInput(format!("{}: {cause}", body.name())))?;
+        let path = folder.join(format!("{}.tiff", body.name()));
+        write_float_tiff(&path, &picture).map_err(|cause| Failure::io(&path, cause))?;
+        // Writing to a string does not fail.
+        let _ = writeln!(table, "{},{rms:.3e},{largest:.3e}", body.name());
+    }
+    print!("{table}");
+    write(&folder.join("projection.csv"), table)
+}
