@@ -69,7 +69,7 @@ class Slurm:
         self.folder = Path(folder)
         self.cpus = min(cpus, os.cpu_count())
         self.daemons = []
-        self.environment = {**os.environ, "PATH": PATH, "SLURM_CONF": str(self.folder / "slurm.conf")}
+        self.environment = {**os.environ, "PATH": f"{self.folder / 'bin'}:{PATH}"}
 
     def __enter__(self):
         try:
@@ -100,6 +100,7 @@ class Slurm:
             memory_mb=memory_mb,
         )
         (self.folder / "slurm.conf").write_text(text)
+        self.wrap()
         names = {"key-file": "munge.key", "socket": "munge.socket", "pid-file": "munge.pid", "log-file": "munge.log"}
         names["seed-file"] = "munge.seed"
         options = [f"--{option}={self.folder / name}" for option, name in names.items()]
@@ -110,22 +111,33 @@ class Slurm:
         self.daemon("slurmd", "-D", "-N", host)
         self.wait("node", lambda: self.ask("sinfo", "-h", "-o", "%t", check=False).strip() == "idle")
 
+    def wrap(self):
+        """Commands that know where this Slurm is, as those of a cluster do, whatever their caller leaves of its environment."""
+        bin_ = self.folder / "bin"
+        bin_.mkdir()
+        for name in (*DAEMONS[1:], *COMMANDS):
+            path = shutil.which(name, path=PATH)
+            (bin_ / name).write_text(f'#!/bin/sh\nSLURM_CONF={self.folder}/slurm.conf exec {path} "$@"\n')
+            (bin_ / name).chmod(0o755)
+
     def daemon(self, *command):
-        log = open(self.folder / f"{command[0]}.out", "wb")
-        self.daemons.append(
-            subprocess.Popen(command, env=self.environment, stdout=log, stderr=log, start_new_session=True)
-        )
+        path = shutil.which(command[0], path=self.environment["PATH"])
+        with open(self.folder / f"{command[0]}.out", "wb") as log:
+            self.daemons.append(
+                subprocess.Popen([path, *command[1:]], env=self.environment, stdout=log, stderr=log, start_new_session=True)
+            )
 
     def wait(self, what, ready, seconds=60):
         until = time.monotonic() + seconds
         while not ready():
-            ended = [daemon.args[0] for daemon in self.daemons if daemon.poll() is not None]
+            ended = [Path(daemon.args[0]).name for daemon in self.daemons if daemon.poll() is not None]
             if ended or time.monotonic() > until:
                 raise Impossible(f"no {what} after {seconds} s, or {ended} ended")
             time.sleep(0.2)
 
     def ask(self, *command, check=True):
-        done = subprocess.run(command, env=self.environment, capture_output=True, text=True, check=check)
+        path = shutil.which(command[0], path=self.environment["PATH"])
+        done = subprocess.run([path, *command[1:]], env=self.environment, capture_output=True, text=True, check=check)
         return done.stdout
 
     def running(self):

@@ -4,6 +4,7 @@ The quick test needs Snakemake beside the running Python. The slow ones are aske
 program (MAMMOTWIN) as well, and one of them the Debian packages slurmctld, slurmd, slurm-client and munge.
 """
 
+import json
 import os
 import re
 import signal
@@ -122,6 +123,21 @@ def test_a_cohort_on_this_machine_is_the_serial_one(volunteers, serial):
     check_nothing_was_lost(cohort)
     again = run(cohort, "local")
     assert again.returncode == 0 and "Nothing to be done" in again.stderr, "what is there is not computed again"
+
+
+@slow
+def test_input_and_derivatives_are_bids(volunteers):
+    """The validator of BIDS finds no error in what the last test made. Warnings are of keys that are recommended."""
+    validator = Path(sys.executable).parent / "bids-validator-deno"
+    if not validator.exists():
+        pytest.skip("no bids-validator-deno")
+    folders = [volunteers / "bids", *(volunteers / "local/derivatives").glob("paddle-*")]
+    assert len(folders) == 1 + len(DISTANCES)
+    for folder in folders:
+        told = subprocess.run([validator, folder, "--format", "json"], capture_output=True, text=True).stdout
+        issues = json.loads(told)["issues"]["issues"]
+        errors = [issue for issue in issues if issue["severity"] == "error"]
+        assert issues and not errors, errors
 
 
 def until(what, found, seconds=240):
