@@ -23,6 +23,9 @@ def on_files(files, config):
         notebook = nbformat.read(path, as_version=4)
         name = {"unique_key": path.stem, "output_files_dir": path.stem}
         text, resources = MarkdownExporter().from_notebook_node(notebook, name)
+        # Tables as those of the other pages.
+        text = re.sub(r"<style scoped>.*?</style>", "", text, flags=re.DOTALL)
+        text = re.sub(r'<table border="1" class="dataframe">', "<table>", text)
         files.append(File.generated(config, f"examples/{path.stem}.md", content=text))
         for picture, content in resources["outputs"].items():
             files.append(File.generated(config, f"examples/{picture}", content=content))

@@ -84,6 +84,20 @@ def test_errors_are_those_of_the_program():
     assert not missing, "not in the sources"
 
 
+def test_the_study_of_the_guide_is_one(tmp_path):
+    """On the images of a digital volunteer; needs her run folder, MAMMOTWIN_RESULTS, and the program."""
+    program = Path(os.environ.get("MAMMOTWIN", ROOT / "target/release/mammotwin")).resolve()
+    volunteer = Path(os.environ.get("MAMMOTWIN_RESULTS", "none")).resolve().parent.parent
+    if not program.exists() or not (volunteer / "tilted.nii.gz").exists():
+        pytest.skip("no program, or no volunteer of three poses")
+    (text,) = re.findall(r"```toml\n(.*?)```", (ROOT / "docs/guide.md").read_text(), flags=re.DOTALL)
+    (tmp_path / "study.toml").write_text(text)
+    for path in [*volunteer.glob("*.nii.gz"), *volunteer.glob("*_landmarks.csv")]:
+        (tmp_path / path.name).symlink_to(path)
+    done = subprocess.run([program, "check", tmp_path / "study.toml"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 class Requests(HTMLParser):
     """What a page would load from elsewhere."""
 
