@@ -40,7 +40,9 @@ def on_page_markdown(markdown, page, config, files):
     """Links say the title of a page, not its file; those that leave docs/ lead to a notebook's page, or name a file."""
     depth = "../" * page.file.src_uri.count("/")
     markdown = re.sub(r"\[(\w+\.md)\]\(", lambda found: f"[{title(found.group(1))}](", markdown)
-    markdown = re.sub(r"\[examples/\w+\.ipynb\]\(\.\./examples/(\w+)\.ipynb\)", rf"[\1]({depth}examples/\1.md)", markdown)
+    markdown = re.sub(
+        r"\[examples/\w+\.ipynb\]\(\.\./examples/(\w+)\.ipynb\)", rf"[\1]({depth}examples/\1.md)", markdown
+    )
     markdown = re.sub(r"\]\(\.\./examples/(\w+)\.ipynb\)", rf"]({depth}examples/\1.md)", markdown)
     return re.sub(r"\[([^\]]*)\]\(\.\./(?!examples/)[^)]*\)", r"\1", markdown)
 

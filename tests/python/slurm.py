@@ -112,7 +112,7 @@ class Slurm:
         self.wait("node", lambda: self.ask("sinfo", "-h", "-o", "%t", check=False).strip() == "idle")
 
     def wrap(self):
-        """Commands that know where this Slurm is, as those of a cluster do, whatever their caller leaves of its environment."""
+        """Commands that know where this Slurm is, as those of a cluster do, whatever environment they are given."""
         bin_ = self.folder / "bin"
         bin_.mkdir()
         for name in (*DAEMONS[1:], *COMMANDS):
@@ -124,7 +124,9 @@ class Slurm:
         path = shutil.which(command[0], path=self.environment["PATH"])
         with open(self.folder / f"{command[0]}.out", "wb") as log:
             self.daemons.append(
-                subprocess.Popen([path, *command[1:]], env=self.environment, stdout=log, stderr=log, start_new_session=True)
+                subprocess.Popen(
+                    [path, *command[1:]], env=self.environment, stdout=log, stderr=log, start_new_session=True
+                )
             )
 
     def wait(self, what, ready, seconds=60):
@@ -146,11 +148,15 @@ class Slurm:
         return [tuple(line.split(" ", 1)) for line in lines]
 
     def waiting_or_running(self):
-        return self.ask("squeue", "-h", "-t", "pending,running,completing,configuring", "-o", "%i").split()
+        return self.ask("squeue", "-h", "-t", "pending,running,completing,configuring", "-o", "%i", check=False).split()
 
     def stop(self):
         if len(self.daemons) > 1:
-            self.ask("scancel", "--signal=KILL", "--full", "--user", getpass.getuser(), check=False)
+            for options in (["--signal=KILL", "--full"], []):
+                self.ask("scancel", *options, "--user", getpass.getuser(), check=False)
+            until = time.monotonic() + 20
+            while self.waiting_or_running() and time.monotonic() < until:
+                time.sleep(0.5)
         for daemon in reversed(self.daemons):
             daemon.terminate()
             try:

@@ -21,7 +21,9 @@ pytest.importorskip("snakemake")
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = Path(os.environ.get("MAMMOTWIN", ROOT / "target/release/mammotwin")).resolve()
 SNAKEMAKE = str(Path(sys.executable).parent / "snakemake")
-VOLUNTEERS = 8
+VOLUNTEERS = [f"{number:02}" for number in range(1, 9)]
+#: Those whom a cluster computes while it is disturbed.
+FEW = VOLUNTEERS[:4]
 DISTANCES = (15, 20)
 #: Stages that know no paddle, and those that do.
 BODY = {"segment:supine", "surface:supine", "mesh", "calibrate"}
@@ -69,34 +71,33 @@ def volunteers(tmp_path_factory):
         pytest.skip(f"{PROGRAM}: no program; build it, or set MAMMOTWIN")
     folder = tmp_path_factory.mktemp("cohort")
     environment = {**os.environ, "MAMMOTWIN": str(PROGRAM)}
-    subprocess.run([ROOT / "workflows/example", folder, str(VOLUNTEERS)], env=environment, check=True)
+    subprocess.run([ROOT / "workflows/example", folder, str(len(VOLUNTEERS))], env=environment, check=True)
     return folder
 
 
 @pytest.fixture(scope="module")
 def serial(volunteers):
-    """Files of the groups, computed by the program alone, one participant after the other."""
+    """Folders of the variants, computed by the program alone, one participant after the other."""
     template = (ROOT / "workflows/template.toml").read_text()
-    found = {}
+    folders = {}
     for distance in DISTANCES:
         path = volunteers / f"serial-{distance}.toml"
         path.write_text(template.replace("chest_wall_distance_mm = 15.0", f"chest_wall_distance_mm = {distance}.0"))
-        out = volunteers / f"serial-{distance}"
-        bids = [PROGRAM, "--quiet", "bids", volunteers / "bids", out]
+        out = folders[f"paddle-rigid_distance-{distance}mm"] = volunteers / f"serial-{distance}"
         work = ["--template", path, "--work-dir", volunteers / "serial-work"]
-        subprocess.run([*bids, "participant", *work], check=True)
-        subprocess.run([*bids, "group"], check=True)
-        found[f"paddle-rigid_distance-{distance}mm"] = {file.name: file.read_bytes() for file in out.glob("group*")}
-    return found
+        subprocess.run([PROGRAM, "--quiet", "bids", volunteers / "bids", out, "participant", *work], check=True)
+    return folders
 
 
-def check_groups(cohort, serial):
-    for variant, files in serial.items():
-        assert set(files) == {"group_metrics.tsv", "group_metrics.json", "group.html"}
-        for name, content in files.items():
-            assert (cohort / "derivatives" / variant / name).read_bytes() == content, f"{variant}/{name}"
+def check_groups(cohort, serial, labels):
+    for variant, folder in serial.items():
+        bids = [PROGRAM, "--quiet", "bids", cohort.parent / "bids", folder]
+        subprocess.run([*bids, "group", "--participant-label", *labels], check=True)
+        for name in ("group_metrics.tsv", "group_metrics.json", "group.html"):
+            found = (cohort / "derivatives" / variant / name).read_bytes()
+            assert found == (folder / name).read_bytes(), f"{variant}/{name}"
     lines = (cohort / "derivatives/cohort.tsv").read_text().splitlines()
-    assert len(lines) == 1 + VOLUNTEERS * len(DISTANCES)
+    assert len(lines) == 1 + len(labels) * len(DISTANCES)
     assert len({tuple(line.split("\t")[:3]) for line in lines}) == len(lines)
     assert all(line.split("\t")[3] == "done" for line in lines[1:])
 
@@ -107,11 +108,11 @@ def computed(cohort, label):
     return Counter(name for log in logs for name in re.findall(r': computed instance="([^"]+)"', log.read_text()))
 
 
-def check_nothing_was_lost(cohort):
-    for number in range(1, VOLUNTEERS + 1):
-        often = computed(cohort, f"{number:02}")
-        assert {name: often[name] for name in BODY} == dict.fromkeys(BODY, 1), number
-        assert {name: often[name] for name in PADDLE} == dict.fromkeys(PADDLE, len(DISTANCES)), number
+def check_nothing_was_lost(cohort, labels):
+    for label in labels:
+        often = computed(cohort, label)
+        assert {name: often[name] for name in BODY} == dict.fromkeys(BODY, 1), label
+        assert {name: often[name] for name in PADDLE} == dict.fromkeys(PADDLE, len(DISTANCES)), label
 
 
 @slow
@@ -119,8 +120,8 @@ def test_a_cohort_on_this_machine_is_the_serial_one(volunteers, serial):
     cohort = write_cohort(volunteers / "local", volunteers / "bids")
     done = run(cohort, "local")
     assert done.returncode == 0, done.stderr
-    check_groups(cohort, serial)
-    check_nothing_was_lost(cohort)
+    check_groups(cohort, serial, VOLUNTEERS)
+    check_nothing_was_lost(cohort, VOLUNTEERS)
     again = run(cohort, "local")
     assert again.returncode == 0 and "Nothing to be done" in again.stderr, "what is there is not computed again"
 
@@ -162,7 +163,7 @@ def processes(cohort):
 
 @slow
 def test_disturbances_under_slurm_lose_nothing(volunteers, serial, tmp_path):
-    cohort = write_cohort(volunteers / "slurm", volunteers / "bids")
+    cohort = write_cohort(volunteers / "slurm", volunteers / "bids", participants=json.dumps(FEW))
     quick = ["--slurm-init-seconds-before-status-checks", "2", "--seconds-between-status-checks", "2"]
     quick += ["--latency-wait", "10"]
     try:
@@ -190,7 +191,7 @@ def test_disturbances_under_slurm_lose_nothing(volunteers, serial, tmp_path):
         until("word of it", lambda: "FAILED" in (cohort / "driver.log").read_text())
 
         # ... and the driver, while its jobs run on.
-        until("participants that are done", lambda: len(list((cohort / "derivatives").glob("*/*/*_status.json"))) >= 3)
+        until("participants that are done", lambda: len(list((cohort / "derivatives").glob("*/*/*_status.json"))) >= 2)
         until("running job", slurm.running)
         driver.kill()
         driver.wait()
@@ -198,8 +199,8 @@ def test_disturbances_under_slurm_lose_nothing(volunteers, serial, tmp_path):
 
         done = run(cohort, "slurm", *quick, environment=environment)
         assert done.returncode == 0, done.stderr
-        check_groups(cohort, serial)
-        check_nothing_was_lost(cohort)
+        check_groups(cohort, serial, FEW)
+        check_nothing_was_lost(cohort, FEW)
     finally:
         driver.kill()
         driver.wait()

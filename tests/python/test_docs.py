@@ -63,8 +63,8 @@ def test_every_page_is_in_the_site():
 
 def source():
     """The texts of the program, each in one line."""
-    files = [path for part in ("data", "imaging", "solver", "stages", "pipeline") for path in ROOT.glob(f"{part}/src/**/*.rs")]
-    text = "\n".join(path.read_text() for path in sorted([*files, ROOT / "scripts/cohort"]))
+    files = [*ROOT.glob("*/src/**/*.rs"), ROOT / "scripts/cohort"]
+    text = "\n".join(path.read_text() for path in sorted(files))
     return re.sub(r"\\\n\s*", "", text).replace('\\"', '"')
 
 
@@ -127,4 +127,4 @@ def test_the_site_builds_without_a_broken_link_and_needs_no_network(tmp_path):
         parser.feed(page.read_text())
         assert not parser.found, f"{page.name}: {parser.found}"
     theory = (tmp_path / "theory.html").read_text()
-    assert theory.count("<svg class=\"equation\"") > 50 and "arithmatex" not in theory
+    assert theory.count('<svg class="equation"') > 50 and "arithmatex" not in theory
