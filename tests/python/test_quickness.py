@@ -23,6 +23,13 @@ pytestmark = [
 ]
 STUDIES = 100
 
+
+def need_rest():
+    """Times on a machine that is busy with other work say nothing."""
+    if os.getloadavg()[0] > 0.7 * os.cpu_count():
+        pytest.skip(f"the machine is busy: load {os.getloadavg()[0]:.1f}")
+
+
 TELL = """<script>addEventListener("load", () => {
   const out = document.createElement("pre");
   out.id = "loaded";
@@ -67,6 +74,7 @@ def hundred(tmp_path_factory):
 
 @pytest.mark.xfail(reason="a process for each study: starting a hundred takes longer", strict=False)
 def test_the_status_of_a_hundred_studies_takes_half_a_second(hundred):
+    need_rest()
     best = min(status_seconds(hundred) for _ in range(3))
     assert best < 0.5, f"{best:.2f} s"
 
@@ -87,6 +95,7 @@ def processor_seconds(command, tries=20):
 
 
 def test_a_report_opens_within_two_seconds(tmp_path):
+    need_rest()
     report = Path(RESULTS).parent / "report.html"
     if not BROWSER or not report.exists():
         pytest.skip("no Chromium, or no report")
