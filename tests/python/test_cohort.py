@@ -141,7 +141,7 @@ def test_input_and_derivatives_are_bids(volunteers):
         assert issues and not errors, errors
 
 
-def until(what, found, seconds=600):
+def until(what, found, seconds=1800):
     end = time.monotonic() + seconds
     while not (value := found()):
         assert time.monotonic() < end, f"no {what} within {seconds} s"
