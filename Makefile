@@ -1,7 +1,8 @@
-.PHONY: demo test test-full lint bench docs
+.PHONY: demo test test-full lint bench docs package
 demo: ; scripts/demo
 test: ; scripts/test
 test-full: ; scripts/test --full
 lint: ; scripts/lint
 bench: ; cargo bench --workspace --benches
-docs: ; cargo doc --release --workspace --no-deps
+docs: ; scripts/docs
+package: ; scripts/package
