@@ -6,7 +6,7 @@ use mammotwin_data::{
     mesh::Patch,
     progress::Silent,
     solution::Solution,
-    study::{Elements, InterfaceKind, MeshPlan, InterfacePlan, InterfaceRegion, RegionPlan},
+    study::{Elements, InterfaceKind, InterfacePlan, InterfaceRegion, MeshPlan, RegionPlan},
 };
 use mammotwin_solver::{Options, SolveError, solve};
 use mammotwin_stages::model::{Moduli, region};

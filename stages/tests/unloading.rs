@@ -4,7 +4,7 @@
 
 use mammotwin_data::{
     progress::Silent,
-    study::{Elements, InterfaceKind, MeshPlan, InterfacePlan, LayerPlan, ModelPlan},
+    study::{Elements, InterfaceKind, InterfacePlan, LayerPlan, MeshPlan, ModelPlan},
 };
 use mammotwin_solver::unload::{self, Method, stress_free};
 use mammotwin_stages::model::Moduli;

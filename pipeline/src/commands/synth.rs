@@ -27,7 +27,8 @@ pub fn demo(arguments: &DemoArguments) -> Result<(), Failure> {
     let study = arguments.out.join("study.toml");
     // Written last: with this note all files of the volunteer are there.
     let note = arguments.out.join("volunteer.txt");
-    let Settings { preset, seed, voxel_mm, poses, hidden: _, still: _, elements: _, out_dir: _ } = &settings;
+    let Settings { preset, seed, voxel_mm, poses, hidden: _, still: _, elements: _, out_dir: _ } =
+        &settings;
     let version = env!("CARGO_PKG_VERSION");
     let text = format!("mammotwin {version}: {preset} {seed} {voxel_mm:?} {poses:?}\n");
     if !study.exists() || fs::read_to_string(&note).ok().as_ref() != Some(&text) {

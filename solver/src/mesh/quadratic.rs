@@ -158,9 +158,8 @@ impl QuadraticMesh {
             Mat3::from_columns(&[by(1), by(2), by(3)]).determinant()
         };
         let corners = (0..4).map(|n| Vector4::from_fn(|m, _| f64::from(u8::from(m == n))));
-        let half = |edge: [usize; 2]| {
-            Vector4::from_fn(|m, _| if edge.contains(&m) { 0.5 } else { 0.0 })
-        };
+        let half =
+            |edge: [usize; 2]| Vector4::from_fn(|m, _| if edge.contains(&m) { 0.5 } else { 0.0 });
         let middles = TET_EDGES.into_iter().map(half);
         corners.chain(middles).all(|l| at(l) > LEAST_SHRINKAGE * whole)
     }
@@ -182,7 +181,10 @@ impl QuadraticMesh {
     /// The mesh that [`QuadraticMesh::split`] made `parts` of, and its straight tetrahedra (no points).
     pub fn of_parts(parts: &TetMesh) -> (Self, TetMesh) {
         let ten = |c: &[[u32; 4]]| {
-            [c[0][0], c[1][1], c[2][2], c[3][3], c[0][1], c[1][2], c[0][2], c[0][3], c[1][3], c[2][3]]
+            [
+                c[0][0], c[1][1], c[2][2], c[3][3], c[0][1], c[1][2], c[0][2], c[0][3], c[1][3],
+                c[2][3],
+            ]
         };
         let six = |c: &[[u32; 3]]| [c[0][0], c[1][1], c[2][2], c[0][1], c[1][2], c[0][2]];
         let tets: Vec<[u32; 10]> = parts.tets.chunks_exact(CHILDREN.len()).map(ten).collect();

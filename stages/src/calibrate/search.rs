@@ -126,7 +126,8 @@ impl Search<'_> {
                 Err(Failure::Numerics(why)) if best.is_some() => {
                     failed = Some((moduli, why));
                     let Some(point) = &best else { break };
-                    let back = |now: f64, side: Side| (0.5 * (now.ln() + point.at[side as usize])).exp();
+                    let back =
+                        |now: f64, side: Side| (0.5 * (now.ln() + point.at[side as usize])).exp();
                     moduli = Moduli {
                         right_kpa: back(right_kpa, Side::Right),
                         left_kpa: back(left_kpa, Side::Left),
@@ -153,7 +154,7 @@ impl Search<'_> {
             } else {
                 damping *= 0.5;
             }
-            let Some(best) = &best else { break };
+            let Some(best) = best.as_ref().filter(|_| searched) else { break };
             let step = self.step(known, best, &slopes).map(|step| damping * step);
             if let Some(step) = step
                 && step.amax() < CLOSE
@@ -167,7 +168,8 @@ impl Search<'_> {
                 let k = side as usize;
                 (best.at[k] + step[k].clamp(-STRIDE, STRIDE)).clamp(low, high).exp()
             };
-            let fitted = |side: Side, now: f64| if self.fitted.contains(&side) { next(side) } else { now };
+            let fitted =
+                |side: Side, now: f64| if self.fitted.contains(&side) { next(side) } else { now };
             moduli = Moduli {
                 right_kpa: fitted(Side::Right, start.right_kpa),
                 left_kpa: fitted(Side::Left, start.left_kpa),
@@ -250,11 +252,7 @@ fn point(compared: &Compared, fit: Fit) -> Point {
 
 /// Standard deviations of the logarithms of the moduli: as large as the distances that are left make
 /// them, when these are errors that are alike over [`ALIKE_MM`] along the skin.
-fn precision(
-    compared: &Compared,
-    best: &Point,
-    slopes: &[Option<DVector<f64>>; 2],
-) -> Precision {
+fn precision(compared: &Compared, best: &Point, slopes: &[Option<DVector<f64>>; 2]) -> Precision {
     let [Some(right), Some(left)] = slopes else { return Precision::default() };
     let jacobian = DMatrix::from_columns(&[compared.rest(right), compared.rest(left)]);
     let spread = compared.spread(&jacobian) * best.misfit;

@@ -40,28 +40,74 @@ pub struct RigidError {
 /// Leaves the rigid motion open: so much is as likely as none.
 const OPEN: RigidError = RigidError { shift_mm: 10.0, turn: 0.1 };
 
-impl Budget {
-    /// The budget of the residuals (mm) of all poses at nodes that `edges` join: their noise from node
-    /// to node is measured where they differ from the mean of their neighbours, robustly. The chest
-    /// wall's 1 - 2.4 mm rms over waves of 160 - 320 mm is what people differ by between poses
-    /// (Mîra 2018, § 3.1; measured ±5 mm).
-    pub fn of(edges: &[[u32; 2]], nodes: usize, residual: &DVector<f64>) -> Self {
-        let mut rough: Vec<f64> = Vec::new();
-        for pose in residual.as_slice().chunks(nodes.max(1)) {
-            let mut around = vec![(0.0, 0.0); nodes];
-            for &[a, b] in edges {
-                for (at, near) in [(a as usize, b as usize), (b as usize, a as usize)] {
-                    around[at].0 += pose[near];
-                    around[at].1 += 1.0;
-                }
-            }
-            for ((sum, count), own) in around.into_iter().zip(pose) {
-                if count >= 3.0 {
-                    // Independent noise: the difference has (1 + 1/n) of its variance.
-                    rough.push((own - sum / count).abs() / f64::sqrt(1.0 + 1.0 / count));
-                }
+/// The weighed nodes of all poses.
+#[derive(Debug, Clone, Copy)]
+pub struct Nodes<'a> {
+    /// Pairs of neighbours.
+    pub edges: &'a [[u32; 2]],
+    /// In the reference pose.
+    pub reference: &'a Shape,
+    /// In the simulated poses.
+    pub shapes: &'a [Shape],
+    /// By how much errors of the reference pose grow on their way into the residuals.
+    pub growth: &'a DVector<f64>,
+}
+
+/// Length (mm) over which errors of a segmentation are alike.
+const SEGMENTATION_LENGTH_MM: f64 = 12.0;
+
+fn bell(a: &Vec3, b: &Vec3, length: f64) -> f64 {
+    (-0.5 * (a - b).norm_squared() / (length * length)).exp()
+}
+
+impl Nodes<'_> {
+    /// Correlation of the segmentation's errors at two nodes of a shape.
+    fn alike(shape: &Shape, i: usize, j: usize) -> f64 {
+        let facing = shape.normals[i].dot(&shape.normals[j]).max(0.0);
+        bell(&shape.points[i], &shape.points[j], SEGMENTATION_LENGTH_MM) * facing
+    }
+
+    /// Covariance at two nodes of a pose, of noise from node to node and of the segmentation of both
+    /// images, each of size 1.
+    fn unit(&self, pose: usize, i: usize, j: usize) -> f64 {
+        let at = pose * self.reference.points.len();
+        let white = if i == j { 1.0 } else { 0.0 };
+        let grown = self.growth[at + i] * self.growth[at + j];
+        white + Self::alike(&self.shapes[pose], i, j) + grown * Self::alike(self.reference, i, j)
+    }
+
+    /// How far residuals (mm) differ from the mean of their neighbours, over what errors of size 1
+    /// would make them differ.
+    fn roughness(&self, residual: &DVector<f64>) -> Vec<f64> {
+        let nodes = self.reference.points.len();
+        let mut near = vec![Vec::new(); nodes];
+        for &[a, b] in self.edges {
+            near[a as usize].push(b as usize);
+            near[b as usize].push(a as usize);
+        }
+        let mut rough = Vec::new();
+        for (pose, values) in residual.as_slice().chunks(nodes.max(1)).enumerate() {
+            for (own, near) in near.iter().enumerate().filter(|(_, near)| near.len() >= 3) {
+                let part = 1.0 / near.len() as f64;
+                let mean = part * near.iter().map(|&n| values[n]).sum::<f64>();
+                let with: f64 = near.iter().map(|&n| self.unit(pose, own, n)).sum();
+                let among = near.iter().flat_map(|&n| near.iter().map(move |&m| (n, m)));
+                let among: f64 = among.map(|(n, m)| self.unit(pose, n, m)).sum();
+                let variance = self.unit(pose, own, own) - 2.0 * part * with + part * part * among;
+                rough.push((values[own] - mean).abs() / variance.max(f64::MIN_POSITIVE).sqrt());
             }
         }
+        rough
+    }
+}
+
+impl Budget {
+    /// The budget of the residuals (mm) of all poses: noise from node to node and errors of the
+    /// segmentation are taken for alike in size, and measured where residuals differ from the mean
+    /// of their neighbours, robustly. The chest wall's 1 - 2.4 mm rms over waves of 160 - 320 mm is what people differ by
+    /// between poses (Mîra 2018, § 3.1; measured ±5 mm).
+    pub fn of(nodes: &Nodes, residual: &DVector<f64>) -> Self {
+        let mut rough = nodes.roughness(residual);
         rough.sort_unstable_by(f64::total_cmp);
         // The median of |x| is 0.6745 standard deviations.
         let white = rough.get(rough.len() / 2).copied().unwrap_or(0.0) / 0.6745;
@@ -69,47 +115,29 @@ impl Budget {
         Self {
             white_mm,
             segmentation_mm: white_mm,
-            segmentation_length_mm: 12.0,
+            segmentation_length_mm: SEGMENTATION_LENGTH_MM,
             chest_mm: 1.05,
             chest_length_mm: 60.0,
             offset_mm: 0.3,
         }
     }
 
-    /// Covariance (mm²) of the residuals of all poses, whose simulated skins are `shapes`; their rigid
-    /// motions are open. `meshings` are differences (mm) to the same model on other meshes, whose
+    /// Covariance (mm²) of the residuals of all poses; their rigid motions are open. `meshings` are differences (mm) to the same model on other meshes, whose
     /// mean was taken from the residuals.
-    pub fn covariance(
-        &self,
-        reference: &Shape,
-        shapes: &[Shape],
-        meshings: &[DVector<f64>],
-        growth: &DVector<f64>,
-    ) -> DMatrix<f64> {
-        self.measured(reference, shapes, growth, OPEN) + of_meshes(shapes, meshings)
+    pub fn covariance(&self, nodes: &Nodes, meshings: &[DVector<f64>]) -> DMatrix<f64> {
+        self.measured(nodes, OPEN) + of_meshes(nodes.shapes, meshings)
     }
 
     /// Covariance (mm²) of the errors of what was measured, with errors of the rigid motions. Those of the
-    /// reference pose reach the residuals `growth` times as large.
-    pub fn measured(
-        &self,
-        reference: &Shape,
-        shapes: &[Shape],
-        growth: &DVector<f64>,
-        rigid_error: RigidError,
-    ) -> DMatrix<f64> {
+    /// reference pose have grown on their way.
+    pub fn measured(&self, places: &Nodes, rigid_error: RigidError) -> DMatrix<f64> {
+        let Nodes { reference, shapes, growth, .. } = *places;
         let RigidError { shift_mm, turn } = rigid_error;
         let (poses, nodes) = (shapes.len(), reference.points.len());
-        let bell = |a: &Vec3, b: &Vec3, length: f64| {
-            (-0.5 * (a - b).norm_squared() / (length * length)).exp()
-        };
         let mut sum = DMatrix::zeros(poses * nodes, poses * nodes);
         let segmentation = self.segmentation_mm.powi(2);
-        let shared = DMatrix::from_fn(nodes, nodes, |i, j| {
-            let facing = reference.normals[i].dot(&reference.normals[j]).max(0.0);
-            let (a, b) = (&reference.points[i], &reference.points[j]);
-            segmentation * bell(a, b, self.segmentation_length_mm) * facing
-        });
+        let shared =
+            DMatrix::from_fn(nodes, nodes, |i, j| segmentation * Nodes::alike(reference, i, j));
         for p in 0..poses {
             for q in 0..poses {
                 let mut block = sum.view_mut((p * nodes, q * nodes), (nodes, nodes));
@@ -124,9 +152,9 @@ impl Budget {
                     for j in 0..nodes {
                         let (a, b) = (&pose.points[i], &pose.points[j]);
                         let facing = pose.normals[i].dot(&pose.normals[j]);
-                        let own = segmentation * bell(a, b, self.segmentation_length_mm);
+                        let own = segmentation * Nodes::alike(pose, i, j);
                         let chest = self.chest_mm.powi(2) * bell(a, b, self.chest_length_mm);
-                        let mut error = own * facing.max(0.0) + chest * facing;
+                        let mut error = own + chest * facing;
                         error += self.offset_mm.powi(2);
                         for (n, mode) in rigid.iter().enumerate() {
                             let size = if n < 3 { shift_mm } else { turn };

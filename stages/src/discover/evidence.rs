@@ -2,7 +2,7 @@
 //! change about them, and the size of the errors.
 
 use super::{
-    budget::{Budget, mean},
+    budget::{Budget, Nodes, mean},
     observe::{carried, edges, residual, skin, weighed},
     reference::growth,
     refit::with_effect,
@@ -82,6 +82,12 @@ impl Evidence {
     /// Residuals (mm) of a fit, less what is known of the mesh's error.
     pub(super) fn residual_of(&self, fit: &Fit) -> DVector<f64> {
         residual(fit, &self.weighed) - mean(&self.meshings)
+    }
+
+    /// The weighed nodes of all poses.
+    pub fn places(&self) -> Nodes<'_> {
+        let Self { edges, reference, shapes, growth, .. } = self;
+        Nodes { edges, reference, shapes, growth }
     }
 
     /// Number of weighed nodes.
@@ -199,7 +205,7 @@ impl Gather {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, with their derivatives by the moduli and by the amplitude of each effect of \
          a library, and their differences to the same model on five other meshes.";
@@ -280,10 +286,13 @@ impl Stage for Gather {
         let found = |effect: &&Effect| signatures.iter().any(|(e, _)| e.name == effect.name);
         let failed = EFFECTS.into_iter().filter(|e| !found(e)).map(|e| e.name.into()).collect();
         let edges = edges(mesh, &nodes);
+        let places =
+            Nodes { edges: &edges, reference: &reference, shapes: &shapes, growth: &growth };
+        let budget = Budget::of(&places, &(&here - &off));
         Ok(Evidence {
             poses: self.poses.clone(),
+            budget,
             reference,
-            budget: Budget::of(&edges, nodes.len(), &(&here - &off)),
             weighed,
             edges,
             shapes,

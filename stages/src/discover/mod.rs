@@ -15,7 +15,7 @@ mod screen;
 pub mod trial;
 mod verdict;
 
-pub use budget::{Budget, RigidError};
+pub use budget::{Budget, Nodes, RigidError};
 pub use clusters::Cluster;
 pub use evidence::{Evidence, Gather};
 pub use screen::{Score, Screening};

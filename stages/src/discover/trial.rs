@@ -18,12 +18,7 @@ impl Errors {
     /// # Errors
     /// [`Failure::Numerics`] when the budget has no covariance.
     pub fn new(evidence: &Evidence, budget: &Budget, rigid: RigidError) -> Result<Self, Failure> {
-        let covariance = budget.measured(
-            &evidence.reference,
-            &evidence.shapes,
-            &evidence.growth,
-            rigid,
-        );
+        let covariance = budget.measured(&evidence.places(), rigid);
         let factor = covariance
             .cholesky()
             .ok_or_else(|| Failure::Numerics("discover: errors without a covariance".into()))?;
@@ -54,7 +49,7 @@ impl Evidence {
     /// The same with errors (mm) on top; how rough they are is measured anew.
     pub fn with_errors(&self, errors: &DVector<f64>) -> Self {
         let residual = &self.residual + errors;
-        let budget = Budget::of(&self.edges, self.nodes(), &residual);
+        let budget = Budget::of(&self.places(), &residual);
         Self { residual, budget, ..self.clone() }
     }
 

@@ -142,8 +142,8 @@ impl<'a> Judge<'a> {
         held_out: usize,
         smooth: DMatrix<f64>,
     ) -> Result<Self, Failure> {
-        let Evidence { budget, reference, shapes, meshings, growth, .. } = evidence;
-        let covariance = budget.covariance(reference, shapes, meshings, growth);
+        let Evidence { budget, meshings, .. } = evidence;
+        let covariance = budget.covariance(&evidence.places(), meshings);
         let nodes = evidence.nodes();
         let none = || Failure::Numerics("discover: errors without a covariance".into());
         let whiten = |poses: &[usize]| Whitener::new(&covariance, poses, nodes).ok_or_else(none);

@@ -88,7 +88,13 @@ impl<'a> Body<'a> {
     /// The body of a mesh.
     pub fn new(mesh: &'a BreastMesh, plan: &'a ModelPlan) -> Self {
         let wall = Arc::new(GridDistance::new(&mesh.wall));
-        Self { mesh: &mesh.mesh, wall, anatomy: &mesh.anatomy, plan, quadratic: mesh.quadratic.as_ref() }
+        Self {
+            mesh: &mesh.mesh,
+            wall,
+            anatomy: &mesh.anatomy,
+            plan,
+            quadratic: mesh.quadratic.as_ref(),
+        }
     }
 
     /// The model whose stress-free shape has its nodes at `rest`, under gravity along `gravity`

@@ -3,7 +3,10 @@
 use super::{Recipe, TissueError, recipe, relaxed};
 use mammotwin_data::{Mat3, Vec3, mesh::TetMesh, solution::Solution};
 use mammotwin_solver::{
-    mesh::{domain::Domain, quadratic::{CHILDREN, QuadraticMesh}},
+    mesh::{
+        domain::Domain,
+        quadratic::{CHILDREN, QuadraticMesh},
+    },
     model::Model,
     terms::{Gravity, QuadraticBulk, QuadraticMembrane, quadratic::Rule},
 };

@@ -93,11 +93,7 @@ impl TruthBody {
     ///
     /// # Errors
     /// [`Failure::Numerics`] when there is no mesh or no equilibrium.
-    pub fn new(
-        torso: &Torso,
-        meshing: MeshPlan,
-        progress: &dyn Progress,
-    ) -> Result<Self, Failure> {
+    pub fn new(torso: &Torso, meshing: MeshPlan, progress: &dyn Progress) -> Result<Self, Failure> {
         let mesh = stress_free_mesh(torso, meshing.size_mm)?;
         let (mesh, quadratic) = match meshing.elements {
             Elements::Linear => (mesh, None),

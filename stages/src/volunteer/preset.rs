@@ -1,6 +1,9 @@
 //! What a digital volunteer is like before the seed varies her.
 
-use mammotwin_data::{Failure, study::{InterfaceKind, MeshPlan}};
+use mammotwin_data::{
+    Failure,
+    study::{InterfaceKind, MeshPlan},
+};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
