@@ -27,7 +27,7 @@ pub fn be_quiet() {
 /// What a run tells on standard output, unless it is quiet.
 pub fn say(text: &str) {
     if !QUIET.load(Ordering::Relaxed) {
-        println!("{text}");
+        tell!("{text}");
     }
 }
 

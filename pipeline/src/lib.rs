@@ -3,6 +3,15 @@
 //! [`graph`] is the pipeline: one function whose calls are the graph. [`commands`] holds one
 //! function for each command; [`cli`] reads the arguments, and `main` only reports how it ended.
 
+/// Prints a line on standard output. That nobody reads it any more (`mammotwin ... | head`) is no error:
+/// what was asked for is still done.
+macro_rules! tell {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        writeln!(std::io::stdout(), $($text)*).ok();
+    }};
+}
+
 pub mod bids;
 pub mod cli;
 pub mod commands;

@@ -5,7 +5,7 @@
 use std::{
     fs,
     path::Path,
-    process::{Command, Output},
+    process::{Command, Output, Stdio},
 };
 
 const STUDY: &str = r#"
@@ -22,6 +22,19 @@ fn mammotwin(arguments: &[&str], folder: &Path) -> Output {
         .current_dir(folder)
         .output()
         .unwrap()
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_error() {
+    let mut run = Command::new(env!("CARGO_BIN_EXE_mammotwin"))
+        .arg("effects")
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(run.stdout.take());
+    let done = run.wait_with_output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
 }
 
 #[track_caller]

@@ -12,9 +12,9 @@ pub fn check(arguments: &ReadArguments) -> Result<(), Failure> {
     let opened = open(&arguments.study)?;
     let found = findings(&opened.study, &opened.base);
     if arguments.json {
-        println!("{:#}", serde_json::json!(found));
+        tell!("{:#}", serde_json::json!(found));
     } else {
-        println!("{}", as_table(&found));
+        tell!("{}", as_table(&found));
     }
     opened.refuse_wrong(&found)
 }

@@ -115,10 +115,10 @@ fn go(
     write(&folder.join("comparisons.csv"), comparisons(&ways))?;
     write(&folder.join(format!("{name}.html")), html)?;
     let computed = pass.entries.iter().filter(|entry| entry.computed).count();
-    println!("{computed} of {} stages computed", pass.entries.len());
+    tell!("{computed} of {} stages computed", pass.entries.len());
     for way in &ways {
         match &way.found {
-            Ok(found) => println!(
+            Ok(found) => tell!(
                 "{:<16} {:>6.1} mm {:>8.3} N  mean {:>7.3} kPa  largest {:>7.3} kPa on faces  {}",
                 way.label,
                 found.compression.thickness_mm,
@@ -127,10 +127,10 @@ fn go(
                 found.metric("face_peak_pressure_kpa"),
                 found.compression.stopped_early.as_deref().unwrap_or_default()
             ),
-            Err(why) => println!("{:<16} failed: {why}", way.label),
+            Err(why) => tell!("{:<16} failed: {why}", way.label),
         }
     }
-    println!("{}", folder.join(format!("{name}.html")).display());
+    tell!("{}", folder.join(format!("{name}.html")).display());
     if ways.iter().all(|way| way.found.is_err()) {
         return Err(Failure::Numerics(format!("study {name}: no compression was found")));
     }

@@ -47,7 +47,7 @@ pub fn discover(arguments: &DiscoverArguments) -> Result<(), Failure> {
     write(&page, text)?;
     answer(arguments, &held_out, &found, added.as_ref())?;
     if !arguments.json {
-        println!("\n{}", page.display());
+        tell!("\n{}", page.display());
     }
     Ok(())
 }
@@ -188,7 +188,7 @@ fn answer(
     let verdict = &found.verdict;
     if arguments.json {
         let best = verdict.candidates.first();
-        println!(
+        tell!(
             "{:#}",
             json!({
                 "verdict": verdict.verdict,
@@ -222,8 +222,8 @@ fn answer(
     let kind = serde_json::to_value(verdict.verdict).ok();
     let kind = kind.as_ref().and_then(|kind| kind.as_str()).unwrap_or_default().replace('_', " ");
     let name = verdict.effect.as_deref().map(|name| format!(": {name}")).unwrap_or_default();
-    println!("{kind}{name}\n{}\n", verdict.reason);
-    println!(
+    tell!("{kind}{name}\n{}\n", verdict.reason);
+    tell!(
         "score of each effect (by chance and systematic errors up to {:.1})",
         found.screening.limit
     );
@@ -232,21 +232,21 @@ fn answer(
             Some(amplitude) => format!("amplitude {amplitude:9.3}"),
             None => "not testable with these data".into(),
         };
-        println!("  {:20} {:6.2}   {note}", score.effect, score.z);
+        tell!("  {:20} {:6.2}   {note}", score.effect, score.z);
     }
-    println!("\npose            rms before   after   floor (mm, without rigid motion)");
+    tell!("\npose            rms before   after   floor (mm, without rigid motion)");
     for gap in &found.gaps {
         let [before, after, floor] = gap.rms_mm;
         let note = if gap.pose == held_out { "   held out" } else { "" };
-        println!("  {:12} {before:10.2} {after:8.2} {floor:7.2}{note}", gap.pose);
+        tell!("  {:12} {before:10.2} {after:8.2} {floor:7.2}{note}", gap.pose);
     }
     if let Some(added) = added {
-        println!("\nadded {} = {:.4}: {}", added.effect, added.amplitude, added.study.display());
-        println!(
+        tell!("\nadded {} = {:.4}: {}", added.effect, added.amplitude, added.study.display());
+        tell!(
             "pose            modified Hausdorff distance (mm) without and with it, moduli refitted"
         );
         for (pose, [before, after]) in &added.with_and_without.modified_hausdorff_mm {
-            println!("  {pose:12} {before:10.2} {after:8.2}");
+            tell!("  {pose:12} {before:10.2} {after:8.2}");
         }
     }
     Ok(())

@@ -38,7 +38,7 @@ pub fn dose(arguments: &DoseArguments) -> Result<(), Failure> {
     write(&folder.join("flat.svg"), lines(&flat(&found)))?;
     write(&folder.join("tilt.svg"), lines(&tilt(&found)))?;
     print!("{}", corrections(&found));
-    println!("{}: dose.csv, flat.svg, tilt.svg, correction.csv", folder.display());
+    tell!("{}: dose.csv, flat.svg, tilt.svg, correction.csv", folder.display());
     Ok(())
 }
 

@@ -21,23 +21,23 @@ pub fn effects(arguments: &EffectsArguments) -> Result<(), Failure> {
                 "separated_by": effect.separated_by,
             })
         });
-        println!("{:#}", json!(all));
+        tell!("{:#}", json!(all));
         return Ok(());
     }
-    println!("Switch an effect on with its amplitude, e.g. [model.effects] limit_chain = 0.5\n");
+    tell!("Switch an effect on with its amplitude, e.g. [model.effects] limit_chain = 0.5\n");
     for effect in EFFECTS {
         let amplitude = &effect.amplitude;
         let [least, greatest] = amplitude.range;
-        println!("{}\n    {}", effect.name, effect.title);
-        println!("    where      {}", effect.place);
-        println!(
+        tell!("{}\n    {}", effect.name, effect.title);
+        tell!("    where      {}", effect.place);
+        tell!(
             "    amplitude  {}: {least} to {greatest} {}",
             amplitude.meaning,
             if amplitude.unit == "1" { "" } else { amplitude.unit }
         );
-        println!("    shows as   {}", effect.signature);
-        println!("    like       {}", effect.confused_with.join(", "));
-        println!("    told apart {}\n", effect.separated_by);
+        tell!("    shows as   {}", effect.signature);
+        tell!("    like       {}", effect.confused_with.join(", "));
+        tell!("    told apart {}\n", effect.separated_by);
     }
     Ok(())
 }

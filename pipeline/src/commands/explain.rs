@@ -20,7 +20,7 @@ pub fn explain(arguments: &ExplainArguments) -> Result<(), Failure> {
         return Err(Failure::Usage(text));
     }
     for entry in asked {
-        println!("{}", describe(&store::explain(&opened.store, entry)));
+        tell!("{}", describe(&store::explain(&opened.store, entry)));
     }
     Ok(())
 }

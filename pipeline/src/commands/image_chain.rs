@@ -44,10 +44,10 @@ pub fn image_chain(arguments: &ImageChainArguments) -> Result<(), Failure> {
         picture(&folder.join(name), &both, column)?;
     }
     if arguments.json {
-        println!("{text}");
+        tell!("{text}");
     } else {
         tell(&verdict);
-        println!("{}: verdict.json, residuals.csv, residual_*.tiff", folder.display());
+        tell!("{}: verdict.json, residuals.csv, residual_*.tiff", folder.display());
     }
     Ok(())
 }
@@ -92,11 +92,11 @@ fn tell(verdict: &ChainVerdict) {
     let kind = serde_json::to_value(verdict.verdict).ok();
     let kind = kind.as_ref().and_then(|kind| kind.as_str()).unwrap_or_default().replace('_', " ");
     let name = verdict.effect.map(|name| format!(": {name}")).unwrap_or_default();
-    println!("{kind}{name}\n{}\n", verdict.reason);
-    println!("score of each effect (by chance up to {:.1})", verdict.limit);
+    tell!("{kind}{name}\n{}\n", verdict.reason);
+    tell!("score of each effect (by chance up to {:.1})", verdict.limit);
     for score in &verdict.scores {
         let note = if score.testable { "" } else { "   not testable with these data" };
-        println!(
+        tell!(
             "  {:14} {:7.2}   amplitude {:8.4}, {:3.0} % of the signature survives{note}",
             score.effect,
             score.z,
@@ -107,10 +107,11 @@ fn tell(verdict: &ChainVerdict) {
     for fitted in &verdict.candidates {
         let unit = ImageEffect::named(fitted.effect).map_or("", |effect| effect.unit);
         let ([amplitude, error], [before, after]) = (fitted.amplitude, fitted.held_out);
-        println!(
+        tell!(
             "fitted {:14} {amplitude:.4} ± {error:.4} {unit}: held-out misfit {before:.2} -> {after:.2} (errors \
              leave 1), {:.1} standard errors",
-            fitted.effect, fitted.held_out_z
+            fitted.effect,
+            fitted.held_out_z
         );
     }
 }

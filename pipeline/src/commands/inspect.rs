@@ -25,7 +25,7 @@ pub fn inspect(arguments: &InspectArguments) -> Result<(), Failure> {
         image(path)?
     };
     if arguments.json {
-        println!("{facts:#}");
+        tell!("{facts:#}");
     } else {
         print(&facts);
     }
@@ -70,14 +70,14 @@ fn print(facts: &Value) {
     for (name, value) in facts.as_object().into_iter().flatten() {
         match value {
             Value::Array(items) if items.iter().any(|item| !item.is_number()) => {
-                println!("{name}:");
-                items.iter().for_each(|item| println!("  {}", plain(item)));
+                tell!("{name}:");
+                items.iter().for_each(|item| tell!("  {}", plain(item)));
             }
             Value::Object(members) => {
-                println!("{name}:");
-                members.iter().for_each(|(name, member)| println!("  {name}: {}", plain(member)));
+                tell!("{name}:");
+                members.iter().for_each(|(name, member)| tell!("  {name}: {}", plain(member)));
             }
-            value => println!("{name}: {}", plain(value)),
+            value => tell!("{name}: {}", plain(value)),
         }
     }
 }

@@ -12,10 +12,10 @@ pub fn verify(arguments: &StudyArguments) -> Result<(), Failure> {
     let opened = open(arguments)?;
     let (count, damages) = store::verify(&opened.store);
     for damage in &damages {
-        println!("{}: {}", damage.folder.display(), damage.why);
+        tell!("{}: {}", damage.folder.display(), damage.why);
     }
     if damages.is_empty() {
-        println!("{count} results, all as they were stored");
+        tell!("{count} results, all as they were stored");
         return Ok(());
     }
     let text =
@@ -33,9 +33,9 @@ pub fn gc(arguments: &GcArguments) -> Result<(), Failure> {
         ("dropped", store::collect(&opened.store, &entries)?)
     };
     for item in &rubbish {
-        println!("{:>9}  {}", size(item.bytes), item.path.display());
+        tell!("{:>9}  {}", size(item.bytes), item.path.display());
     }
     let total = rubbish.iter().map(|item| item.bytes).sum();
-    println!("{} results, {} {word}", rubbish.len(), size(total));
+    tell!("{} results, {} {word}", rubbish.len(), size(total));
     Ok(())
 }

@@ -20,7 +20,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let options = options(arguments);
     if arguments.dry_run {
         let plan = plan(&opened, &options)?;
-        println!("{}", describe(&plan.entries, &plan.selection));
+        tell!("{}", describe(&plan.entries, &plan.selection));
         return Ok(());
     }
     let pass = execute(&opened, &options)?;

@@ -11,7 +11,7 @@ pub fn score(arguments: &ScoreArguments) -> Result<(), Failure> {
     let outcome = plan(&opened, &Options::default())?.outcome;
     let scores = score::score(&estimates(&outcome)?, &arguments.truth)?;
     if arguments.json {
-        println!("{scores:#}");
+        tell!("{scores:#}");
     } else {
         print("", &scores);
     }
@@ -28,8 +28,8 @@ fn print(path: &str, value: &Value) {
             }
         }
         leaf => match leaf.as_f64() {
-            Some(number) => println!("{path:45}  {number:.4}"),
-            None => println!("{path:45}  {leaf}"),
+            Some(number) => tell!("{path:45}  {number:.4}"),
+            None => tell!("{path:45}  {leaf}"),
         },
     }
 }

@@ -14,9 +14,9 @@ pub fn status(arguments: &ReadArguments) -> Result<(), Failure> {
     let entries = plan(&opened, &Options::default())?.entries;
     if arguments.json {
         let stages: Vec<_> = entries.iter().map(as_json).collect();
-        println!("{:#}", Value::from(stages));
+        tell!("{:#}", Value::from(stages));
     } else {
-        println!("{}", as_table(&entries));
+        tell!("{}", as_table(&entries));
     }
     Ok(())
 }

@@ -133,7 +133,7 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     write(&out.join("trials.csv"), page::csv(&results))?;
     write(&out.join("detection.svg"), page::chart(&results))?;
     write(&out.join("discovery-benchmark.md"), &page)?;
-    println!("{page}");
+    tell!("{page}");
     Ok(())
 }
 
