@@ -3,9 +3,10 @@
 #![allow(missing_docs)] // of the functions that criterion makes
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use mammotwin_data::{Vec3, surface::TriMesh};
+use mammotwin_data::surface::TriMesh;
 use mammotwin_imaging::xray::{
     geometry::Geometry,
+    shapes::Rounded,
     spectrum::Spectrum,
     transport::{
         bodies::{Closed, HalfCylinder},
@@ -18,34 +19,12 @@ use std::time::Duration;
 
 const PHOTONS: u64 = 1_000_000;
 
-/// A breast between plates as a closed surface: half an ellipse of 150 x 90 mm with round sides.
-fn breast(thickness: f64) -> TriMesh {
-    let (around, up) = (120u32, 24u32);
-    let half = 0.5 * thickness;
-    let mut points = vec![];
-    for k in 0..=up {
-        let angle = std::f64::consts::PI * (f64::from(k) / f64::from(up) - 0.5);
-        let (z, out) = (half + half * angle.sin(), half * angle.cos() - half);
-        for n in 0..=around {
-            let turn = std::f64::consts::PI * f64::from(n) / f64::from(around);
-            points.push(Vec3::new((75.0 + out) * turn.cos(), (90.0 + out) * turn.sin(), z));
-        }
-    }
-    let at = |k: u32, n: u32| k * (around + 1) + n;
-    let mut triangles = vec![];
-    for k in 0..up {
-        for n in 0..around {
-            triangles.push([at(k, n), at(k, n + 1), at(k + 1, n + 1)]);
-            triangles.push([at(k, n), at(k + 1, n + 1), at(k + 1, n)]);
-        }
-        triangles.push([at(k, around), at(k, 0), at(k + 1, 0)]);
-        triangles.push([at(k, around), at(k + 1, 0), at(k + 1, around)]);
-    }
-    for n in 1..around {
-        triangles.push([at(0, 0), at(0, n + 1), at(0, n)]);
-        triangles.push([at(up, 0), at(up, n), at(up, n + 1)]);
-    }
-    TriMesh { points, triangles }
+/// A breast between plates: half an ellipse of 150 x 90 mm with round sides.
+fn breast(thickness_mm: f64) -> TriMesh {
+    let extent_mm = [75.0, 90.0];
+    let shape =
+        Rounded { extent_mm, thickness_mm, top_mm: thickness_mm, slope: 0.0, behind_mm: 0.0 };
+    shape.surface(120, 24)
 }
 
 /// Dose and scatter image with grid.

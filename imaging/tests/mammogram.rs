@@ -19,42 +19,17 @@ use mammotwin_imaging::xray::{
     placement::Site,
     project::project,
     quality::{RoiQuality, quality, summary},
+    shapes::Rounded,
 };
 
 /// Half of a breast between plates, cut at y = -20: an ellipse of 75 x 85 mm with a round rim.
-fn compressed(thickness: f64) -> TriMesh {
-    let (around, up) = (240u32, 60u32);
-    let mut points = vec![];
-    let half = 0.5 * thickness;
-    for k in 0..=up {
-        // From the lower plate over the rim to the upper plate.
-        let (z, out) = {
-            let t = f64::from(k) / f64::from(up);
-            let angle = std::f64::consts::PI * (t - 0.5);
-            (half + half * angle.sin(), half * angle.cos() - half)
-        };
-        for n in 0..=around {
-            let angle = std::f64::consts::PI * f64::from(n) / f64::from(around);
-            let (x, y) = ((75.0 + out) * angle.cos(), (85.0 + out) * angle.sin());
-            points.push(Vec3::new(x, y - 20.0, z));
-        }
-    }
-    let at = |k: u32, n: u32| k * (around + 1) + n;
-    let mut triangles = vec![];
-    for k in 0..up {
-        for n in 0..around {
-            triangles.push([at(k, n), at(k, n + 1), at(k + 1, n + 1)]);
-            triangles.push([at(k, n), at(k + 1, n + 1), at(k + 1, n)]);
-        }
-        // The rear wall.
-        triangles.push([at(k, around), at(k, 0), at(k + 1, 0)]);
-        triangles.push([at(k, around), at(k + 1, 0), at(k + 1, around)]);
-    }
-    for n in 1..around {
-        triangles.push([at(0, 0), at(0, n + 1), at(0, n)]);
-        triangles.push([at(up, 0), at(up, n), at(up, n + 1)]);
-    }
-    TriMesh { points, triangles }
+fn compressed(thickness_mm: f64) -> TriMesh {
+    let extent_mm = [75.0, 85.0];
+    let shape =
+        Rounded { extent_mm, thickness_mm, top_mm: thickness_mm, slope: 0.0, behind_mm: 0.0 };
+    let mut surface = shape.surface(240, 60);
+    surface.points.iter_mut().for_each(|p| p.y -= 20.0);
+    surface
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 mod models;
 
-pub use models::{DoseArguments, ImageChainArguments, ProjectionArguments};
+pub use models::{BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use models::IMAGE_CHAIN_HELP;
@@ -55,9 +55,9 @@ pub enum Command {
     Score(ScoreArguments),
     /// How each stage stands: fresh, stale, missing, running, failed, damaged, edited by hand
     #[command(
-        after_help = "Examples:\n  mammotwin status study.toml\n  mammotwin status study.toml --json"
+        after_help = "Examples:\n  mammotwin status study.toml\n  mammotwin status study.toml --json\n  mammotwin status */study.toml"
     )]
-    Status(ReadArguments),
+    Status(StatusArguments),
     /// Which field of a stage's key changed: old -> new
     #[command(after_help = "Example:\n  mammotwin explain study.toml segment:prone")]
     Explain(ExplainArguments),
@@ -126,35 +126,6 @@ images. What is there already is kept: a study that was cut short goes on where 
 Examples:
   mammotwin study discovery --out runs/discovery --seeds 7 --draws 20
   mammotwin study discovery --out runs/discovery --seeds 7,11,13 --images 8 --minutes 120";
-
-/// The benchmark of `discover`.
-#[derive(Debug, Clone, Args)]
-pub struct BenchmarkArguments {
-    /// Folder with the volunteers and the results
-    #[arg(long, value_name = "DIR", default_value = "runs/discovery")]
-    pub out: PathBuf,
-    /// Kind of volunteer
-    #[arg(long, value_name = "PRESET", default_value = "tiny")]
-    pub preset: String,
-    /// Which persons of that kind
-    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "7")]
-    pub seeds: Vec<u64>,
-    /// Draws of errors for each case
-    #[arg(long, value_name = "N", default_value_t = 20)]
-    pub draws: usize,
-    /// Cases of each person that go through images, segmentation and registration
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub images: usize,
-    /// Hide only these effects
-    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
-    pub effects: Vec<String>,
-    /// Severities (standard deviations), in the order in which they are tried
-    #[arg(long, value_name = "SIGMA", value_delimiter = ',', default_value = "5,10,2")]
-    pub sigmas: Vec<f64>,
-    /// Begin no case after so many minutes
-    #[arg(long, value_name = "N")]
-    pub minutes: Option<u64>,
-}
 
 /// The study of paddles.
 #[derive(Debug, Clone, Args)]
@@ -377,6 +348,20 @@ pub struct ReadArguments {
     #[command(flatten)]
     pub study: StudyArguments,
     /// Answer in JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How studies stand.
+#[derive(Debug, Clone, Args)]
+pub struct StatusArguments {
+    /// One study or more
+    #[arg(value_name = "STUDY.toml", required = true)]
+    pub studies: Vec<PathBuf>,
+    /// Output folder of a single study [default: `out` beside the study file]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Answer in JSON: the stages of a single study, or those of each by its path
     #[arg(long)]
     pub json: bool,
 }

@@ -54,3 +54,32 @@ pub struct ImageChainArguments {
     #[arg(long)]
     pub json: bool,
 }
+
+/// The benchmark of `discover`.
+#[derive(Debug, Clone, Args)]
+pub struct BenchmarkArguments {
+    /// Folder with the volunteers and the results
+    #[arg(long, value_name = "DIR", default_value = "runs/discovery")]
+    pub out: PathBuf,
+    /// Kind of volunteer
+    #[arg(long, value_name = "PRESET", default_value = "tiny")]
+    pub preset: String,
+    /// Which persons of that kind
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "7")]
+    pub seeds: Vec<u64>,
+    /// Draws of errors for each case
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    pub draws: usize,
+    /// Cases of each person that go through images, segmentation and registration
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub images: usize,
+    /// Hide only these effects
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
+    pub effects: Vec<String>,
+    /// Severities (standard deviations), in the order in which they are tried
+    #[arg(long, value_name = "SIGMA", value_delimiter = ',', default_value = "5,10,2")]
+    pub sigmas: Vec<f64>,
+    /// Begin no case after so many minutes
+    #[arg(long, value_name = "N")]
+    pub minutes: Option<u64>,
+}

@@ -1,22 +1,36 @@
 //! `mammotwin status`: how each stage stands.
 
 use super::{open, run::plan};
-use crate::cli::ReadArguments;
+use crate::cli::{StatusArguments, StudyArguments};
 use mammotwin_data::{
     Failure,
     store::{Entry, Options, State},
 };
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
-/// Prints how each stage stands.
-pub fn status(arguments: &ReadArguments) -> Result<(), Failure> {
-    let opened = open(&arguments.study)?;
-    let entries = plan(&opened, &Options::default())?.entries;
-    if arguments.json {
-        let stages: Vec<_> = entries.iter().map(as_json).collect();
-        tell!("{:#}", Value::from(stages));
-    } else {
-        tell!("{}", as_table(&entries));
+/// Prints how each stage of each study stands.
+pub fn status(arguments: &StatusArguments) -> Result<(), Failure> {
+    let StatusArguments { studies, out, json } = arguments;
+    let single = studies.len() == 1;
+    if !single && out.is_some() {
+        return Err(Failure::Usage("--out: give it with a single study".into()));
+    }
+    let mut answers = Map::new();
+    for study in studies {
+        let opened = open(&StudyArguments { study: study.clone(), out: out.clone() })?;
+        let entries = plan(&opened, &Options::default())?.entries;
+        opened.store.keep_hashes();
+        if *json {
+            let stages = entries.iter().map(as_json).collect();
+            answers.insert(study.display().to_string(), stages);
+        } else {
+            let title = if single { String::new() } else { format!("{}\n", study.display()) };
+            tell!("{title}{}", as_table(&entries));
+        }
+    }
+    if *json {
+        let of_single = answers.values().next().filter(|_| single).cloned();
+        tell!("{:#}", of_single.unwrap_or(Value::Object(answers)));
     }
     Ok(())
 }

@@ -134,15 +134,19 @@ impl QuadraticMesh {
                 fine.points[node as usize] = place;
             }
         }
-        // Straightening one element may bend none: an edge that is straight is so in all of them.
-        for tet in &fine.tets {
-            if !fine.is_sound(tet, &straight) {
-                for &node in &tet[4..] {
-                    fine.points[node as usize] = straight[node as usize];
-                }
+        // An edge that is made straight changes all elements around it.
+        loop {
+            let unsound = |tet: &&[u32; 10]| !fine.is_sound(tet, &straight);
+            let edges: Vec<u32> =
+                fine.tets.iter().filter(unsound).flat_map(|tet| &tet[4..]).copied().collect();
+            let bent = |node: &&u32| fine.points[**node as usize] != straight[**node as usize];
+            if !edges.iter().any(|node| bent(&node)) {
+                return fine;
+            }
+            for node in edges {
+                fine.points[node as usize] = straight[node as usize];
             }
         }
-        fine
     }
 
     /// Whether the map from the straight element to the curved one shrinks volumes little at corners

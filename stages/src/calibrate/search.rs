@@ -12,7 +12,7 @@ use mammotwin_data::{
     labels::Side,
     progress::{Part, Progress},
 };
-use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
+use nalgebra::{DMatrix, DVector, Vector2};
 
 /// Moduli between which the search stays (kPa).
 const BOUNDS_KPA: [f64; 2] = [0.05, 20.0];
@@ -23,6 +23,8 @@ const FIRST: f64 = 0.25;
 const STRIDE: f64 = 0.7;
 /// The search ends when the next step is shorter than this part of the moduli.
 const CLOSE: f64 = 0.01;
+/// A search that ends with a whole step longer than this has not found the minimum.
+const NEAR: f64 = 0.05;
 /// Differences over a shorter step than this say nothing new.
 const SHORTEST: f64 = 0.003;
 /// Length (mm) over which errors along the skin are alike.
@@ -155,14 +157,15 @@ impl Search<'_> {
                 damping *= 0.5;
             }
             let Some(best) = best.as_ref().filter(|_| searched) else { break };
-            let step = self.step(known, best, &slopes).map(|step| damping * step);
+            let step = self.step(known, best, &slopes);
             if let Some(step) = step
-                && step.amax() < CLOSE
+                && damping * step.amax() < CLOSE
             {
-                converged = true;
+                // A search whose steps gain nothing ends as well, near the minimum or not.
+                converged = step.amax() < NEAR;
                 break;
             }
-            let step = step.unwrap_or_else(|| self.first(best));
+            let step = step.map_or_else(|| self.first(best), |step| damping * step);
             let [low, high] = BOUNDS_KPA.map(f64::ln);
             let next = |side: Side| {
                 let k = side as usize;
@@ -253,36 +256,40 @@ fn point(compared: &Compared, fit: Fit) -> Point {
 /// Standard deviations of the logarithms of the moduli: as large as the distances that are left make
 /// them, when these are errors that are alike over [`ALIKE_MM`] along the skin.
 fn precision(compared: &Compared, best: &Point, slopes: &[Option<DVector<f64>>; 2]) -> Precision {
-    let [Some(right), Some(left)] = slopes else { return Precision::default() };
-    let jacobian = DMatrix::from_columns(&[compared.rest(right), compared.rest(left)]);
-    let spread = compared.spread(&jacobian) * best.misfit;
-    let normal: Matrix2<f64> = (jacobian.transpose() * &jacobian).fixed_view::<2, 2>(0, 0).into();
-    let Some(inverse) = normal.try_inverse() else { return Precision::default() };
-    let covariance = inverse * spread * inverse;
-    let sd = [0, 1].map(|k| covariance[(k, k)].max(0.0).sqrt());
-    Precision {
-        right: Some(sd[0]),
-        left: Some(sd[1]),
-        correlation: Some(covariance[(0, 1)] / (sd[0] * sd[1]).max(f64::MIN_POSITIVE)),
+    let known: Vec<usize> = (0..2).filter(|&side| slopes[side].is_some()).collect();
+    let columns: Vec<DVector<f64>> =
+        slopes.iter().flatten().map(|slope| compared.rest(slope)).collect();
+    if columns.is_empty() {
+        return Precision::default();
     }
+    let jacobian = DMatrix::from_columns(&columns);
+    let Some(inverse) = (jacobian.transpose() * &jacobian).try_inverse() else {
+        return Precision::default();
+    };
+    let covariance = best.misfit * &inverse * compared.spread(&jacobian) * &inverse;
+    let sd = |side: usize| {
+        let place = known.iter().position(|&known| known == side)?;
+        Some(covariance[(place, place)].max(0.0).sqrt())
+    };
+    let (right, left) = (sd(Side::Right as usize), sd(Side::Left as usize));
+    let both = right.zip(left).map(|(right, left)| (right * left).max(f64::MIN_POSITIVE));
+    Precision { right, left, correlation: both.map(|both| covariance[(0, 1)] / both) }
 }
 
 impl Compared {
     /// JᵀCJ with the correlation C of errors along the skin of each pose.
-    fn spread(&self, jacobian: &DMatrix<f64>) -> Matrix2<f64> {
-        let mut sum = Matrix2::zeros();
+    fn spread(&self, jacobian: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut sum = DMatrix::zeros(jacobian.ncols(), jacobian.ncols());
         let mut at = 0;
         for shape in &self.shapes {
             let nodes = shape.points.len();
-            let rows = |n: usize| Vector2::new(jacobian[(at + n, 0)], jacobian[(at + n, 1)]);
-            for i in 0..nodes {
-                for j in 0..nodes {
-                    let far = (shape.points[i] - shape.points[j]).norm_squared();
-                    let facing = shape.normals[i].dot(&shape.normals[j]).max(0.0);
-                    let alike = (-0.5 * far / (ALIKE_MM * ALIKE_MM)).exp() * facing;
-                    sum += alike * rows(i) * rows(j).transpose();
-                }
-            }
+            let alike = DMatrix::from_fn(nodes, nodes, |i, j| {
+                let far = (shape.points[i] - shape.points[j]).norm_squared();
+                let facing = shape.normals[i].dot(&shape.normals[j]).max(0.0);
+                (-0.5 * far / (ALIKE_MM * ALIKE_MM)).exp() * facing
+            });
+            let own = jacobian.rows(at, nodes);
+            sum += own.transpose() * alike * own;
             at += nodes;
         }
         sum

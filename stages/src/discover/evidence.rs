@@ -111,14 +111,11 @@ impl Artifact for Evidence {
         file.put_texts("failed", &self.failed, "effects without a signature")?;
         file.put_json("moduli", &self.moduli, "calibrated moduli (kPa)")?;
         file.put_json("budget", &self.budget, "sizes of the errors (mm)")?;
-        let mut put = |name: &str, column: &DVector<f64>, meaning: &str| {
-            file.put(name, column.as_slice(), "mm", meaning)
-        };
-        put("residual", &self.residual, "signed distance, pose after pose")?;
         file.put("growth", self.growth.as_slice(), "1", "of errors of the reference pose")?;
         let mut put = |name: &str, column: &DVector<f64>, meaning: &str| {
             file.put(name, column.as_slice(), "mm", meaning)
         };
+        put("residual", &self.residual, "signed distance, pose after pose")?;
         for (side, column) in ["right", "left"].iter().zip(&self.by_moduli) {
             put(&format!("by_modulus/{side}"), column, "derivative by the logarithm")?;
         }

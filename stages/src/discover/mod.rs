@@ -18,7 +18,9 @@ mod verdict;
 pub use budget::{Budget, Nodes, RigidError};
 pub use clusters::Cluster;
 pub use evidence::{Evidence, Gather};
+pub(crate) use screen::by_chance;
 pub use screen::{Score, Screening};
+pub(crate) use verdict::{ALIKE, FITTED, HELD_OUT, RARE};
 pub use verdict::{Candidate, HeldOut, Judge, Verdict, VerdictName};
 
 use crate::calibrate::{Experiment, Fit};

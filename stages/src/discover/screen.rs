@@ -70,11 +70,14 @@ impl Screening {
             left.iter().map(|v| v / v.norm().max(f64::MIN_POSITIVE)).collect();
         let cosines: Vec<Vec<f64>> =
             unit.iter().map(|a| unit.iter().map(|b| a.dot(b)).collect()).collect();
-        let limit = limit(&cosines, signatures);
+        let ranges: Vec<[f64; 2]> = signatures.iter().map(|(e, _)| e.amplitude.range).collect();
+        let of = |i: usize, j: usize| cosines[i][j];
+        let limit =
+            by_chance(&DMatrix::from_fn(unit.len(), unit.len(), of), &ranges).hypot(SYSTEMATIC);
         let score = |k: usize| {
             let effect = signatures[k].0;
             let [least, greatest] = effect.amplitude.range;
-            let z = allowed(effect, -unit[k].dot(&rest));
+            let z = allowed(effect.amplitude.range, -unit[k].dot(&rest));
             let size = left[k].norm();
             let detectable_z = size * f64::max(-least, greatest);
             let testable = detectable_z > limit;
@@ -98,19 +101,17 @@ impl Screening {
     }
 }
 
-/// A score with a sign that the effect cannot have counts as none.
-fn allowed(effect: &Effect, z: f64) -> f64 {
-    let [least, greatest] = effect.amplitude.range;
+/// A score with a sign that an amplitude of this range cannot have counts as none.
+fn allowed([least, greatest]: [f64; 2], z: f64) -> f64 {
     if (z < 0.0 && least == 0.0) || (z > 0.0 && greatest == 0.0) { 0.0 } else { z }
 }
 
-/// The largest of all scores that chance exceeds with probability [`ALPHA`], and systematic errors on
-/// top.
-fn limit(cosines: &[Vec<f64>], signatures: &[(&'static Effect, DVector<f64>)]) -> f64 {
-    let n = cosines.len();
+/// The largest of all scores that chance exceeds with probability [`ALPHA`]. Scores are of unit
+/// signatures with these cosines; effects have amplitudes in `ranges`.
+pub(crate) fn by_chance(cosines: &DMatrix<f64>, ranges: &[[f64; 2]]) -> f64 {
+    let n = ranges.len();
     // A ridge keeps the factor real where signatures are alike.
-    let correlation =
-        DMatrix::from_fn(n, n, |i, j| cosines[i][j] + if i == j { 1e-9 } else { 0.0 });
+    let correlation = cosines + DMatrix::from_diagonal_element(n, n, 1e-9);
     let Some(factor) = correlation.cholesky().map(|factor| factor.l()) else {
         return f64::INFINITY;
     };
@@ -119,11 +120,13 @@ fn limit(cosines: &[Vec<f64>], signatures: &[(&'static Effect, DVector<f64>)]) -
         .map(|_| {
             let normal = |_, _| StandardNormal.sample(&mut random);
             let z: DVector<f64> = &factor * DVector::from_fn(n, normal);
-            let one = |k: usize| allowed(signatures[k].0, z[k]).abs();
-            (0..n).map(one).fold(0.0, f64::max)
+            ranges
+                .iter()
+                .zip(z.iter())
+                .map(|(range, z)| allowed(*range, *z).abs())
+                .fold(0.0, f64::max)
         })
         .collect();
     largest.sort_unstable_by(f64::total_cmp);
-    let chance = largest.get(((1.0 - ALPHA) * DRAWS as f64) as usize).copied();
-    chance.map_or(f64::INFINITY, |chance| chance.hypot(SYSTEMATIC))
+    largest.get(((1.0 - ALPHA) * DRAWS as f64) as usize).copied().unwrap_or(f64::INFINITY)
 }

@@ -83,18 +83,18 @@ pub struct Verdict {
 const SMOOTH_SHAPES: usize = 12;
 const SMOOTH_LENGTH_MM: f64 = 35.0;
 /// Quantile 99.9 % of the normal distribution.
-const RARE: f64 = 3.09;
+pub(crate) const RARE: f64 = 3.09;
 /// Effects whose misfit is this near to the best are not told apart.
-const ALIKE: f64 = 4.0;
+pub(crate) const ALIKE: f64 = 4.0;
 /// The held-out pose must gain so many standard errors.
-const HELD_OUT: f64 = 2.0;
+pub(crate) const HELD_OUT: f64 = 2.0;
 /// A pose that lies farther off (mm) than this was registered wrongly.
 const MISPLACED_MM: f64 = 4.0;
 /// Share of effects without a signature that spoils a verdict.
 const FAILED: f64 = 0.1;
 
 /// Effects that are fitted after the screening.
-const FITTED: usize = 3;
+pub(crate) const FITTED: usize = 3;
 
 /// Weighs the evidence of a subject, with one pose held out.
 pub struct Judge<'a> {

@@ -5,24 +5,10 @@ use super::{
     field::ChainError,
     library::{IMAGE_EFFECTS, ImageEffect},
 };
-use crate::discover::VerdictName;
+use crate::discover::{ALIKE, FITTED, HELD_OUT, RARE, VerdictName, by_chance};
 use nalgebra::{DMatrix, DVector};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use serde::Serialize;
 
-/// Draws of scores by chance, and their quantile that is the limit.
-const DRAWS: usize = 20_000;
-const QUANTILE: f64 = 0.99;
-/// Quantile 99.9 % of the normal distribution.
-const RARE: f64 = 3.09;
-/// Effects whose misfit is this near to the best are not told apart.
-const ALIKE: f64 = 4.0;
-/// The held-out exposures must gain so many standard errors.
-const HELD_OUT: f64 = 2.0;
-/// Effects that are fitted after the screening.
-const FITTED: usize = 3;
 /// Shapes that hardly anything is left of are none.
 const FLAT: f64 = 1e-6;
 
@@ -109,7 +95,9 @@ impl Search {
             let unit = if length > FLAT * whole.norm() { kept / length } else { kept * 0.0 };
             signatures.push((unit, [whole.norm(), length]));
         }
-        let limit = limit(&signatures);
+        let cosine = |i: usize, j: usize| signatures[i].0.dot(&signatures[j].0);
+        let cosines = DMatrix::from_fn(signatures.len(), signatures.len(), cosine);
+        let limit = by_chance(&cosines, &IMAGE_EFFECTS.each_ref().map(|effect| effect.range));
         let smooth = seen.smooth();
         Ok(Self { seen, held_out, nuisance, signatures, limit, smooth })
     }
@@ -340,26 +328,4 @@ fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
         }
     }
     if kept.is_empty() { DMatrix::zeros(columns.nrows(), 0) } else { DMatrix::from_columns(&kept) }
-}
-
-/// Quantile of the largest score of all effects when there is nothing but errors.
-fn limit(signatures: &[(DVector<f64>, [f64; 2])]) -> f64 {
-    let count = signatures.len();
-    let gram = DMatrix::from_fn(count, count, |i, j| {
-        signatures[i].0.dot(&signatures[j].0) + if i == j { 1e-9 } else { 0.0 }
-    });
-    let Some(factor) = gram.cholesky() else { return f64::INFINITY };
-    let mut random = ChaCha8Rng::seed_from_u64(1);
-    let mut largest: Vec<f64> = (0..DRAWS)
-        .map(|_| {
-            let draw = DVector::from_fn(count, |_, _| StandardNormal.sample(&mut random));
-            let scores = factor.l() * draw;
-            let one = |(effect, z): (&ImageEffect, &f64)| {
-                if effect.range[0] < 0.0 { z.abs() } else { z.max(0.0) }
-            };
-            IMAGE_EFFECTS.iter().zip(scores.iter()).map(one).fold(0.0, f64::max)
-        })
-        .collect();
-    largest.sort_by(f64::total_cmp);
-    largest[(QUANTILE * DRAWS as f64) as usize]
 }
