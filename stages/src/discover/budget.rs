@@ -237,6 +237,11 @@ impl Whitener {
         Cholesky::new(covariance.select_rows(&rows).select_columns(&rows)).map(Self)
     }
 
+    /// Of a covariance, for all its rows; `None` when it is not positive.
+    pub fn all(covariance: &DMatrix<f64>) -> Option<Self> {
+        Cholesky::new(covariance.clone()).map(Self)
+    }
+
     /// Whitened residuals.
     pub fn whiten(&self, residual: &DVector<f64>) -> DVector<f64> {
         let mut whitened = residual.clone();

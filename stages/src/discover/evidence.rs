@@ -2,14 +2,15 @@
 //! change about them, and the size of the errors.
 
 use super::{
-    budget::{Budget, Nodes, mean},
+    budget::{Budget, Nodes, Whitener, mean},
     observe::{carried, edges, residual, skin, weighed},
     reference::growth,
     refit::with_effect,
+    signature::{Projector, Signature},
 };
 use crate::{
     calibrate::{Calibration, Experiment, Fit, Measured},
-    effects::{EFFECTS, Effect},
+    effects::{Amplitude, EFFECTS, Effect},
     mesh::{BreastMesh, Mesh},
     model::{Body, Moduli},
     register::Registered,
@@ -43,6 +44,10 @@ const MESHINGS: [(f64, Placement); 5] = [
 const FEWEST_MESHINGS: usize = 3;
 /// With fewer nodes there is nothing to weigh.
 const FEWEST_NODES: usize = 30;
+/// A large amplitude would change residuals by so many standard deviations, if it did so in proportion.
+const LARGE: f64 = 20.0;
+/// Most that the logarithm of a modulus may go with it.
+const FAR: f64 = 0.7;
 /// Change of the logarithm of a modulus, for differences.
 const SMALL_MODULUS: f64 = 0.05;
 
@@ -66,8 +71,8 @@ pub struct Evidence {
     pub residual: DVector<f64>,
     /// Derivatives (mm) by the logarithms of the moduli, right and left.
     pub by_moduli: [DVector<f64>; 2],
-    /// Derivatives (mm) by the amplitude, effect by effect.
-    pub signatures: Vec<(&'static Effect, DVector<f64>)>,
+    /// What each effect changes.
+    pub signatures: Vec<Signature>,
     /// Effects without a signature: the model has no equilibrium with them.
     pub failed: Vec<String>,
     /// Differences (mm) to the same model on other meshes.
@@ -119,11 +124,11 @@ impl Artifact for Evidence {
         for (side, column) in ["right", "left"].iter().zip(&self.by_moduli) {
             put(&format!("by_modulus/{side}"), column, "derivative by the logarithm")?;
         }
-        for (effect, column) in &self.signatures {
-            put(&format!("signatures/{}", effect.name), column, "derivative by the amplitude")?;
-        }
         for (n, column) in self.meshings.iter().enumerate() {
             put(&format!("meshings/{n}"), column, "difference to another mesh")?;
+        }
+        for signature in &self.signatures {
+            signature.put(&mut file)?;
         }
         Ok(file.finish()?)
     }
@@ -135,10 +140,7 @@ impl Artifact for Evidence {
         let shapes = poses.iter().map(|pose| Shape::get(&file, &format!("shapes/{pose}")));
         let mut signatures = Vec::new();
         for effect in EFFECTS {
-            let name = format!("signatures/{}", effect.name);
-            if file.has(&name) {
-                signatures.push((effect, column(&name)?));
-            }
+            signatures.extend(Signature::get(&file, effect)?);
         }
         let mut meshings = Vec::new();
         while file.has(&format!("meshings/{}", meshings.len())) {
@@ -202,7 +204,7 @@ impl Gather {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 7;
+    const VERSION: u32 = 8;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, with their derivatives by the moduli and by the amplitude of each effect of \
          a library, and their differences to the same model on five other meshes.";
@@ -270,22 +272,49 @@ impl Stage for Gather {
             Ok::<_, Failure>((residual(&fit, &weighed) - &here) / SMALL_MODULUS)
         };
         let by_moduli = [by_modulus([SMALL_MODULUS, 0.0])?, by_modulus([0.0, SMALL_MODULUS])?];
-        let signatures: Vec<(&'static Effect, DVector<f64>)> = EFFECTS
-            .into_par_iter()
-            .filter_map(|effect| {
-                let small = effect.amplitude.small;
-                let plan = with_effect(&self.model, effect, small);
-                let body = Body { plan: &plan, ..experiment.body.clone() };
-                let fit = experiment.evaluate_as(&body, moduli, Some(&base), &Silent, "");
-                Some((effect, (residual(&fit.ok()?, &weighed) - &here) / small))
-            })
-            .collect();
-        let found = |effect: &&Effect| signatures.iter().any(|(e, _)| e.name == effect.name);
-        let failed = EFFECTS.into_iter().filter(|e| !found(e)).map(|e| e.name.into()).collect();
+        let change = |effect: &Effect, amplitude: f64, [right, left]: [f64; 2]| {
+            let plan = with_effect(&self.model, effect, amplitude);
+            let body = Body { plan: &plan, ..experiment.body.clone() };
+            let mut moduli = moduli;
+            moduli.right_kpa *= right.exp();
+            moduli.left_kpa *= left.exp();
+            let fit = experiment.evaluate_as(&body, moduli, Some(&base), &Silent, "");
+            Some(residual(&fit.ok()?, &weighed) - &here)
+        };
         let edges = edges(mesh, &nodes);
         let places =
             Nodes { edges: &edges, reference: &reference, shapes: &shapes, growth: &growth };
         let budget = Budget::of(&places, &(&here - &off));
+        let whitener = Whitener::all(&budget.covariance(&places, &meshings))
+            .ok_or_else(|| Failure::Numerics("discover: errors without a covariance".into()))?;
+        let projector = Projector::new(&whitener, &by_moduli);
+        let signatures: Vec<Signature> = EFFECTS
+            .into_par_iter()
+            .filter_map(|effect| {
+                let Amplitude { small, range: [least, greatest], .. } = effect.amplitude;
+                let little = change(effect, small, [0.0; 2])?;
+                let slope = &little / small;
+                let size = projector.surviving(&slope).0.norm();
+                let reach = (LARGE / size).clamp(small, f64::max(-least, greatest));
+                // Where the effect hardly shows, or the model does not stand with much of it, a small
+                // change is all there is.
+                let shows = size * reach > LARGE.sqrt();
+                // A calibration takes its part of a large change, and not in proportion either.
+                let calibrated = |amplitude: f64| {
+                    projector.fitted(&(amplitude * &slope)).map(|x| x.clamp(-FAR, FAR))
+                };
+                let large = [1.0, 0.5, 0.25].map(|part| part * reach).into_iter();
+                let large = large.filter(|amplitude| shows && *amplitude > 2.0 * small).find_map(
+                    |amplitude| {
+                        Some((amplitude, change(effect, amplitude, calibrated(amplitude))?))
+                    },
+                );
+                let large = large.as_ref().map(|(amplitude, much)| (*amplitude, much));
+                Some(Signature::new(effect, (small, &little), large))
+            })
+            .collect();
+        let found = |effect: &&Effect| signatures.iter().any(|s| s.effect.name == effect.name);
+        let failed = EFFECTS.into_iter().filter(|e| !found(e)).map(|e| e.name.into()).collect();
         Ok(Evidence {
             poses: self.poses.clone(),
             budget,

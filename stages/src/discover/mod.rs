@@ -12,6 +12,7 @@ mod observe;
 mod reference;
 mod refit;
 mod screen;
+mod signature;
 pub mod trial;
 mod verdict;
 
@@ -20,6 +21,7 @@ pub use clusters::Cluster;
 pub use evidence::{Evidence, Gather};
 pub(crate) use screen::by_chance;
 pub use screen::{Score, Screening};
+pub use signature::Signature;
 pub(crate) use verdict::{ALIKE, FITTED, HELD_OUT, RARE};
 pub use verdict::{Candidate, HeldOut, Judge, Verdict, VerdictName};
 
@@ -135,7 +137,7 @@ type Input = (Evidence, evidence::Input);
 
 impl Stage for Discover {
     const NAME: &'static str = "discover";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const METHODS: &'static str = "Residuals were weighed with the covariance of the errors of segmentation, registration, \
          chest wall and mesh. A score test asked for each effect of the library whether what the \
          moduli do not absorb of its signature is in the residuals; the threshold is the 99 % quantile \
@@ -178,7 +180,7 @@ impl Stage for Discover {
 
         let best = verdict.candidates.first();
         let place = best.and_then(|best| {
-            with.iter().position(|(k, _)| evidence.signatures[*k].0.name == best.effect)
+            with.iter().position(|(k, _)| evidence.signatures[*k].effect.name == best.effect)
         });
         let (after, after_fit) = match place {
             Some(n) => (&with[n].1, &fits[n]),

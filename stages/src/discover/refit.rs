@@ -1,6 +1,6 @@
 //! Fit of the moduli, with or without one effect: linear, or Gauss-Newton with Broyden's updates.
 
-use super::{budget::Whitener, evidence::Evidence, observe};
+use super::{budget::Whitener, evidence::Evidence, observe, signature::Projector};
 use crate::{
     calibrate::{Experiment, Fit},
     effects::Effect,
@@ -46,7 +46,7 @@ pub(super) struct Fitted {
 pub(super) type Start = (usize, f64);
 
 /// The moduli and the amplitude of an effect that make residuals (mm) of all poses least, as far as
-/// they are linear in them.
+/// they are linear in the moduli and known from the effect's signature.
 pub(super) fn linear(
     evidence: &Evidence,
     whitener: &Whitener,
@@ -55,30 +55,29 @@ pub(super) fn linear(
     effect: Option<usize>,
 ) -> Fitted {
     let nodes = evidence.nodes();
-    let whitened = |v: &DVector<f64>| whitener.whiten(&observe::part(v, seen, nodes));
-    let signature = effect.map(|k| &evidence.signatures[k]);
-    let mut all: Vec<&DVector<f64>> = evidence.by_moduli.iter().collect();
-    all.extend(signature.map(|(_, s)| s));
-    let columns: Vec<DVector<f64>> = all.iter().map(|v| whitened(v)).collect();
-    let jacobian = DMatrix::from_columns(&columns);
+    let seen_part = |v: &DVector<f64>| observe::part(v, seen, nodes);
+    let by_moduli: Vec<DVector<f64>> = evidence.by_moduli.iter().map(seen_part).collect();
     let mut rest = residual.clone();
     let (mut amplitude, mut amplitude_sd) = (0.0, f64::NAN);
-    let mut at = least_squares(&jacobian, &whitened(&rest));
-    if let (Some((effect, signature)), Some(found)) = (signature, &at) {
-        let [least, greatest] = effect.amplitude.range;
-        amplitude = found[2].clamp(least, greatest);
-        amplitude_sd = deviation(&jacobian);
-        rest += amplitude * signature;
-        at = least_squares(&DMatrix::from_columns(&columns[..2]), &whitened(&rest));
+    if let Some(signature) = effect.map(|k| &evidence.signatures[k]) {
+        let projector = Projector::new(whitener, &by_moduli);
+        let (left, _) = projector.surviving(&seen_part(residual));
+        let explained = projector.explain(&signature.of(seen_part), &left);
+        (amplitude, _) = explained.best();
+        amplitude_sd = 1.0 / explained.rate(amplitude).max(f64::MIN_POSITIVE);
+        rest += signature.change(amplitude);
     }
+    let columns: Vec<DVector<f64>> = by_moduli.iter().map(|v| whitener.whiten(v)).collect();
     let mut moduli = evidence.moduli;
-    if let Some(at) = at {
+    if let Some(at) =
+        least_squares(&DMatrix::from_columns(&columns), &whitener.whiten(&seen_part(&rest)))
+    {
         rest += at[0] * &evidence.by_moduli[0] + at[1] * &evidence.by_moduli[1];
         moduli.right_kpa *= at[0].exp();
         moduli.left_kpa *= at[1].exp();
     }
     Fitted {
-        misfit: whitened(&rest).norm_squared(),
+        misfit: whitener.whiten(&seen_part(&rest)).norm_squared(),
         residual: rest,
         moduli,
         amplitude,
@@ -100,10 +99,8 @@ impl Refit<'_> {
     pub fn run(&self, effect: Option<Start>) -> (Fitted, Fit) {
         let Evidence { by_moduli, signatures, .. } = self.evidence;
         let mut columns: Vec<DVector<f64>> = by_moduli.iter().map(|v| self.whitened(v)).collect();
-        let signature = effect.map(|(k, _)| &signatures[k]);
-        columns.extend(signature.map(|(_, s)| self.whitened(s)));
-        let (effect, mut first) =
-            (signature.map(|(e, _)| *e), effect.map(|(_, amplitude)| amplitude));
+        columns.extend(effect.map(|(k, _)| self.whitened(&signatures[k].slope)));
+        let (effect, mut first) = effect.map(|(k, first)| (signatures[k].effect, first)).unzip();
         let mut jacobian = DMatrix::from_columns(&columns);
         // Unknowns: logarithms of both moduli over the start, amplitude.
         let mut at = DVector::zeros(columns.len());

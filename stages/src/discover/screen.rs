@@ -1,7 +1,6 @@
 //! Score test: does any effect explain the residuals beyond what the moduli can?
 
-use super::budget::Whitener;
-use crate::effects::Effect;
+use super::signature::{Projector, Signature};
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -25,7 +24,8 @@ pub struct Score {
     pub effect: String,
     /// Score in standard deviations; positive: with this sign the effect explains residuals.
     pub z: f64,
-    /// Amplitude that explains most, linearly; `None` for an effect that these data could not show.
+    /// Amplitude that explains most, moduli linearly fitted; `None` for an effect that these data could
+    /// not show.
     pub amplitude: Option<f64>,
     /// Part of the effect's signature that the moduli do not absorb.
     pub surviving: f64,
@@ -48,49 +48,39 @@ pub struct Screening {
 }
 
 impl Screening {
-    /// Tests signatures (mm per unit of amplitude, rows as the residuals) against residuals (mm).
-    pub fn new(
-        whitener: &Whitener,
+    /// Tests signatures (rows as the residuals) against residuals (mm).
+    pub(super) fn new(
+        projector: &Projector,
         residual: &DVector<f64>,
-        moduli: &[DVector<f64>],
-        signatures: &[(&'static Effect, DVector<f64>)],
+        signatures: &[Signature],
     ) -> Self {
-        let absorbed: Vec<DVector<f64>> = moduli.iter().map(|m| whitener.whiten(m)).collect();
-        let basis = if absorbed.is_empty() {
-            DMatrix::zeros(residual.len(), 0)
-        } else {
-            DMatrix::from_columns(&absorbed).qr().q()
-        };
-        let surviving = |v: &DVector<f64>| v - &basis * (basis.transpose() * v);
-        let rest = surviving(&whitener.whiten(residual));
-        let whitened: Vec<DVector<f64>> =
-            signatures.iter().map(|(_, s)| whitener.whiten(s)).collect();
-        let left: Vec<DVector<f64>> = whitened.iter().map(surviving).collect();
-        let unit: Vec<DVector<f64>> =
-            left.iter().map(|v| v / v.norm().max(f64::MIN_POSITIVE)).collect();
+        let (rest, _) = projector.surviving(residual);
+        let (unit, parts): (Vec<DVector<f64>>, Vec<f64>) = signatures
+            .iter()
+            .map(|signature| projector.surviving(&signature.change(signature.reach)))
+            .map(|(left, part)| (&left / left.norm().max(f64::MIN_POSITIVE), part))
+            .unzip();
         let cosines: Vec<Vec<f64>> =
             unit.iter().map(|a| unit.iter().map(|b| a.dot(b)).collect()).collect();
-        let ranges: Vec<[f64; 2]> = signatures.iter().map(|(e, _)| e.amplitude.range).collect();
+        let ranges: Vec<[f64; 2]> = signatures.iter().map(|s| s.effect.amplitude.range).collect();
         let of = |i: usize, j: usize| cosines[i][j];
         let limit =
             by_chance(&DMatrix::from_fn(unit.len(), unit.len(), of), &ranges).hypot(SYSTEMATIC);
-        let score = |k: usize| {
-            let effect = signatures[k].0;
-            let [least, greatest] = effect.amplitude.range;
-            let z = allowed(effect.amplitude.range, -unit[k].dot(&rest));
-            let size = left[k].norm();
-            let detectable_z = size * f64::max(-least, greatest);
+        let score = |(signature, surviving): (&Signature, f64)| {
+            let explained = projector.explain(signature, &rest);
+            let (amplitude, gain) = explained.best();
+            let detectable_z = explained.largest();
             let testable = detectable_z > limit;
             Score {
-                effect: effect.name.into(),
-                z: z.abs(),
-                amplitude: testable.then(|| z / size),
-                surviving: size / whitened[k].norm().max(f64::MIN_POSITIVE),
+                effect: signature.effect.name.into(),
+                z: gain.sqrt(),
+                amplitude: testable.then_some(amplitude),
+                surviving,
                 detectable_z,
                 testable,
             }
         };
-        Self { scores: (0..signatures.len()).map(score).collect(), limit, cosines }
+        Self { scores: signatures.iter().zip(parts).map(score).collect(), limit, cosines }
     }
 
     /// Scores, the largest first.

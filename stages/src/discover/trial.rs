@@ -56,7 +56,7 @@ impl Evidence {
     /// The same for a library that lacks an effect.
     pub fn without_effect(&self, name: &str) -> Self {
         let mut less = self.clone();
-        less.signatures.retain(|(effect, _)| effect.name != name);
+        less.signatures.retain(|signature| signature.effect.name != name);
         less
     }
 }

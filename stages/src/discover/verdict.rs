@@ -6,6 +6,7 @@ use super::{
     observe::{leftover, part, rows},
     refit::{Fitted, linear},
     screen::Screening,
+    signature::{Projector, Signature},
 };
 use crate::effects::{EFFECTS, Effect};
 use mammotwin_data::Failure;
@@ -164,16 +165,35 @@ impl<'a> Judge<'a> {
     /// Asks of each effect whether residuals (mm, all poses) have it.
     pub fn screen(&self, residual: &DVector<f64>) -> Screening {
         let seen = |v: &DVector<f64>| part(v, &self.seen, self.evidence.nodes());
+        let signatures: Vec<Signature> =
+            self.evidence.signatures.iter().map(|signature| signature.of(seen)).collect();
+        Screening::new(&self.projector(), &seen(residual), &signatures)
+    }
+
+    /// What the moduli leave of the seen residuals.
+    fn projector(&self) -> Projector<'_> {
+        let seen = |v: &DVector<f64>| part(v, &self.seen, self.evidence.nodes());
         let moduli: Vec<DVector<f64>> = self.evidence.by_moduli.iter().map(seen).collect();
-        let signatures: Vec<(&'static Effect, DVector<f64>)> =
-            self.evidence.signatures.iter().map(|(effect, s)| (*effect, seen(s))).collect();
-        Screening::new(&self.whitener, &seen(residual), &moduli, &signatures)
+        Projector::new(&self.whitener, &moduli)
+    }
+
+    /// The amplitude of each effect whose change of the seen poses, moduli fitted, has a size (standard
+    /// deviations); `None` where no plausible one has.
+    pub fn amplitudes_of(&self, size: f64) -> Vec<(&'static Effect, Option<f64>)> {
+        let projector = self.projector();
+        let none = DVector::zeros(self.seen.len() * self.evidence.nodes());
+        let amplitude = |signature: &Signature| {
+            let seen = signature.of(|v| part(v, &self.seen, self.evidence.nodes()));
+            (seen.effect, projector.explain(&seen, &none).amplitude_of(size))
+        };
+        self.evidence.signatures.iter().map(amplitude).collect()
     }
 
     /// The effects to fit, as places in the evidence, and their linear amplitudes.
     pub(super) fn likely(&self, screening: &Screening) -> Vec<(usize, f64)> {
         let signatures = &self.evidence.signatures;
-        let place = |name: &str| signatures.iter().position(|(effect, _)| effect.name == name);
+        let place =
+            |name: &str| signatures.iter().position(|signature| signature.effect.name == name);
         let ranked = screening.ranked().into_iter().filter(|score| score.z > 0.0);
         ranked.filter_map(|s| Some((place(&s.effect)?, s.amplitude?))).take(FITTED).collect()
     }
@@ -197,7 +217,7 @@ impl<'a> Judge<'a> {
     ) -> Verdict {
         let mut candidates: Vec<Candidate> = with
             .iter()
-            .map(|(k, found)| self.candidate(self.evidence.signatures[*k].0, found, without))
+            .map(|(k, found)| self.candidate(self.evidence.signatures[*k].effect, found, without))
             .collect();
         candidates.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let not_testable = screening.scores.iter().filter(|s| !s.testable);

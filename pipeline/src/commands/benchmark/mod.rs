@@ -13,7 +13,7 @@ use crate::{cli::BenchmarkArguments, display::Task};
 use case::{Case, Kind};
 use mammotwin_data::{Failure, progress::Progress};
 use mammotwin_stages::{
-    discover::{Evidence, Judge, RigidError, Score, Screening, Verdict, trial::Errors},
+    discover::{Evidence, Judge, RigidError, Verdict, trial::Errors},
     effects::Effect,
     volunteer::{PoseName, Preset},
 };
@@ -70,12 +70,11 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
         };
         task.report(0.0, &format!("seed {seed}: nothing hidden"));
         let null = case(None, 0.0, Kind::Exact).evidence()?;
-        let (screening, _) = Judge::new(&null, HELD_OUT.name())?.linear(&null.residual);
         results.extend(nulls(&null, seed, arguments.draws)?);
         results.extend(decoys(&null, seed, arguments.draws, voxel_mm)?);
         let mut cases = Vec::new();
         for &sigma in &arguments.sigmas {
-            let all = severities(&screening, sigma).into_iter();
+            let all = severities(&null, seed, sigma)?.into_iter();
             for (effect, amplitude) in all.filter(|(effect, _)| wanted(effect)) {
                 match amplitude {
                     Some(amplitude) => cases.push((effect, amplitude, sigma)),
@@ -137,15 +136,16 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The amplitude of each effect that has a severity; `None` when no plausible one has.
-fn severities(screening: &Screening, sigma: f64) -> Vec<(&'static Effect, Option<f64>)> {
-    let one = |score: &Score| {
-        let effect = Effect::named(&score.effect)?;
-        let [least, greatest] = effect.amplitude.range;
-        let amplitude = sigma * f64::max(-least, greatest) / score.detectable_z;
-        Some((effect, (amplitude <= greatest).then_some(amplitude)))
-    };
-    screening.scores.iter().filter_map(one).collect()
+/// The amplitude of each effect whose change has a severity, in standard deviations of what a trial's
+/// score varies by; `None` when no plausible one has.
+fn severities(
+    null: &Evidence,
+    seed: u64,
+    sigma: f64,
+) -> Result<Vec<(&'static Effect, Option<f64>)>, Failure> {
+    let errors = Errors::new(null, &null.budget, RIGID)?;
+    let noisy = null.with_errors(&errors.draw(&mut ChaCha8Rng::seed_from_u64(seed)));
+    Ok(Judge::new(&noisy, HELD_OUT.name())?.amplitudes_of(sigma))
 }
 
 /// Verdicts on evidence with drawn errors. Each draw has its own seed.

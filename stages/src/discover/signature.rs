@@ -1,0 +1,284 @@
+//! What an effect changes about the residuals, and how well that explains them.
+//!
+//! A breast that stiffens as it is stretched is stretched less: large amplitudes change less than in
+//! proportion. A signature therefore knows a small change and a large one, each from whole solutions. At
+//! the large one the moduli are those that a calibration would find with it: so are the moduli of the data.
+
+use super::budget::Whitener;
+use crate::effects::Effect;
+use mammotwin_data::{Failure, io::hdf5};
+use nalgebra::{DMatrix, DVector};
+
+/// The change (mm) of the residuals of all poses by an effect.
+#[derive(Debug, Clone)]
+pub struct Signature {
+    /// The effect.
+    pub effect: &'static Effect,
+    /// Derivative (mm) by the amplitude.
+    pub slope: DVector<f64>,
+    /// Half of the second derivative (mm) along the way to the large amplitude [`Signature::reach`], on
+    /// which moduli take what they can.
+    pub curve: DVector<f64>,
+    /// The large amplitude. Beyond it changes go on in proportion.
+    pub reach: f64,
+}
+
+impl Signature {
+    /// Of a small amplitude and the change (mm) by it, and a large one.
+    pub(super) fn new(
+        effect: &'static Effect,
+        (small, little): (f64, &DVector<f64>),
+        large: Option<(f64, &DVector<f64>)>,
+    ) -> Self {
+        let slope = little / small;
+        match large {
+            Some((reach, much)) if reach > small => {
+                // Through nothing and both changes.
+                let curve = (much / reach - &slope) / (reach - small);
+                Self { effect, slope: slope - small * &curve, curve, reach }
+            }
+            _ => Self { effect, curve: DVector::zeros(slope.len()), slope, reach: small },
+        }
+    }
+
+    /// The change (mm) by an amplitude.
+    pub fn change(&self, amplitude: f64) -> DVector<f64> {
+        amplitude * &self.slope + bent(amplitude, self.reach) * &self.curve
+    }
+
+    /// Some of the rows.
+    pub(super) fn of(&self, rows: impl Fn(&DVector<f64>) -> DVector<f64>) -> Self {
+        Self { slope: rows(&self.slope), curve: rows(&self.curve), ..*self }
+    }
+
+    pub(super) fn put(&self, file: &mut hdf5::Writer) -> Result<(), Failure> {
+        let group = format!("signatures/{}", self.effect.name);
+        let mut put = |name: &str, column: &[f64], unit: &str, meaning: &str| {
+            file.put(&format!("{group}/{name}"), column, unit, meaning)
+        };
+        put("slope", self.slope.as_slice(), "mm", "derivative by the amplitude")?;
+        put("curve", self.curve.as_slice(), "mm", "half of the second derivative")?;
+        put("reach", &[self.reach], "1", "amplitude up to which it bends")?;
+        Ok(())
+    }
+
+    /// `None` when the file has no signature of this effect.
+    pub(super) fn get(
+        file: &hdf5::Reader,
+        effect: &'static Effect,
+    ) -> Result<Option<Self>, Failure> {
+        let group = format!("signatures/{}", effect.name);
+        if !file.has(&group) {
+            return Ok(None);
+        }
+        let read = |name: &str| file.get::<f64>(&format!("{group}/{name}"));
+        Ok(Some(Self {
+            effect,
+            slope: DVector::from_vec(read("slope")?),
+            curve: DVector::from_vec(read("curve")?),
+            reach: read("reach")?.first().copied().unwrap_or_default(),
+        }))
+    }
+}
+
+/// Factor of the curvature: the square of the amplitude, in proportion beyond the reach.
+fn bent(amplitude: f64, reach: f64) -> f64 {
+    amplitude.abs() * amplitude.abs().min(reach)
+}
+
+/// What is left of whitened residuals when moduli are fitted, linearly.
+pub(super) struct Projector<'a> {
+    whitener: &'a Whitener,
+    absorbed: DMatrix<f64>,
+    basis: DMatrix<f64>,
+}
+
+impl<'a> Projector<'a> {
+    /// `moduli` are derivatives (mm) by what is fitted anyway.
+    pub fn new(whitener: &'a Whitener, moduli: &[DVector<f64>]) -> Self {
+        let absorbed: Vec<DVector<f64>> = moduli.iter().map(|m| whitener.whiten(m)).collect();
+        let (absorbed, basis) = match absorbed.is_empty() {
+            true => (DMatrix::zeros(0, 0), DMatrix::zeros(0, 0)),
+            false => {
+                let absorbed = DMatrix::from_columns(&absorbed);
+                (absorbed.clone(), absorbed.qr().q())
+            }
+        };
+        Self { whitener, absorbed, basis }
+    }
+
+    /// The changes of what is fitted that take most off a change (mm); zeros where nothing does.
+    pub fn fitted(&self, change: &DVector<f64>) -> [f64; 2] {
+        let normal = self.absorbed.transpose() * &self.absorbed;
+        let side = -(self.absorbed.transpose() * self.whitener.whiten(change));
+        let found = normal.cholesky().map(|factor| factor.solve(&side));
+        [0, 1].map(|n| found.as_ref().and_then(|found| found.get(n)).copied().unwrap_or(0.0))
+    }
+
+    /// Whitened, without what moduli absorb; and the part of its length that is left.
+    pub fn surviving(&self, column: &DVector<f64>) -> (DVector<f64>, f64) {
+        let white = self.whitener.whiten(column);
+        let left = match self.basis.ncols() {
+            0 => white.clone(),
+            _ => &white - &self.basis * (self.basis.transpose() * &white),
+        };
+        let part = left.norm() / white.norm().max(f64::MIN_POSITIVE);
+        (left, part)
+    }
+
+    /// How well amplitudes of an effect explain `rest`, which survived.
+    pub fn explain(&self, signature: &Signature, rest: &DVector<f64>) -> Explained {
+        let (slope, _) = self.surviving(&signature.slope);
+        let (curve, _) = self.surviving(&signature.curve);
+        Explained {
+            rest: [rest.dot(&slope), rest.dot(&curve)],
+            products: [slope.dot(&slope), slope.dot(&curve), curve.dot(&curve)],
+            range: signature.effect.amplitude.range,
+            reach: signature.reach,
+        }
+    }
+}
+
+/// The misfit as a function of the amplitude of an effect.
+pub(super) struct Explained {
+    /// Products of the residuals with slope and curve.
+    rest: [f64; 2],
+    /// Products of slope and curve with themselves.
+    products: [f64; 3],
+    range: [f64; 2],
+    reach: f64,
+}
+
+/// Amplitudes that are tried, and refinements of the best.
+const TRIED: usize = 200;
+const REFINED: usize = 40;
+
+impl Explained {
+    /// Size of the change by an amplitude, in standard deviations.
+    pub fn size(&self, amplitude: f64) -> f64 {
+        let (a, b) = (amplitude, bent(amplitude, self.reach));
+        let [slope, mixed, curve] = self.products;
+        (a * a * slope + 2.0 * a * b * mixed + b * b * curve).max(0.0).sqrt()
+    }
+
+    /// Size of the derivative of the change by the amplitude.
+    pub fn rate(&self, amplitude: f64) -> f64 {
+        let far = amplitude.abs() > self.reach;
+        let b = amplitude.signum() * if far { self.reach } else { 2.0 * amplitude.abs() };
+        let [slope, mixed, curve] = self.products;
+        (slope + 2.0 * b * mixed + b * b * curve).max(0.0).sqrt()
+    }
+
+    /// By how much the squared misfit falls.
+    fn gain(&self, amplitude: f64) -> f64 {
+        let b = bent(amplitude, self.reach);
+        -2.0 * (amplitude * self.rest[0] + b * self.rest[1]) - self.size(amplitude).powi(2)
+    }
+
+    /// The plausible amplitude that explains most, and its gain.
+    pub fn best(&self) -> (f64, f64) {
+        let [least, greatest] = self.range;
+        let step = (greatest - least) / TRIED as f64;
+        let tried = (0..=TRIED).map(|n| least + n as f64 * step);
+        let best = |a: f64, b: f64| if self.gain(a) >= self.gain(b) { a } else { b };
+        let mut at = tried.fold(0.0, best);
+        let mut width = step;
+        for _ in 0..REFINED {
+            width *= 0.7;
+            for next in [at - width, at + width] {
+                at = best(at, next.clamp(least, greatest));
+            }
+        }
+        (at, self.gain(at).max(0.0))
+    }
+
+    /// The least amplitude whose change has a size (standard deviations), on the wider side of the
+    /// range; `None` when no plausible one has.
+    pub fn amplitude_of(&self, size: f64) -> Option<f64> {
+        let end = self.farthest();
+        let step = end / TRIED as f64;
+        let steps = (1..=TRIED).find(|&n| self.size(n as f64 * step) >= size)?;
+        let (mut low, mut high) = ((steps - 1) as f64 * step, steps as f64 * step);
+        for _ in 0..REFINED {
+            let middle = 0.5 * (low + high);
+            if self.size(middle) < size { low = middle } else { high = middle }
+        }
+        Some(high)
+    }
+
+    /// Size of the change by the largest plausible amplitude.
+    pub fn largest(&self) -> f64 {
+        self.size(self.farthest())
+    }
+
+    fn farthest(&self) -> f64 {
+        let [least, greatest] = self.range;
+        if -least > greatest { least } else { greatest }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)] // a test may fail at once
+mod tests {
+    use super::*;
+
+    /// A change that saturates: 1 - exp(-a) along one row, and its square along another.
+    fn saturating(amplitude: f64) -> DVector<f64> {
+        let part = 1.0 - (-amplitude).exp();
+        DVector::from_vec(vec![part, 0.3 * part * part, 0.0])
+    }
+
+    fn signature() -> Signature {
+        let effect = Effect::named("limit_chain").unwrap();
+        let [little, much] = [0.05, 0.8].map(saturating);
+        Signature::new(effect, (0.05, &little), Some((0.8, &much)))
+    }
+
+    #[test]
+    fn a_signature_goes_through_both_changes_and_nothing() {
+        let signature = signature();
+        for amplitude in [0.0, 0.05, 0.8] {
+            let off = signature.change(amplitude) - saturating(amplitude);
+            assert!(off.norm() < 1e-12, "{amplitude}: {off}");
+        }
+        let far = signature.change(1.6) - 2.0 * saturating(0.8);
+        assert!(far.norm() < 1e-12);
+    }
+
+    #[test]
+    fn the_amplitude_of_data_is_found_although_it_saturates() {
+        let signature = signature();
+        let whitener = Whitener::new(&DMatrix::identity(3, 3), &[0], 3).unwrap();
+        let projector = Projector::new(&whitener, &[]);
+        for amplitude in [0.1, 0.5, 0.8] {
+            let rest = -10.0 * signature.change(amplitude) / 10.0;
+            let explained = projector.explain(&signature, &rest);
+            let (found, gain) = explained.best();
+            assert!((found - amplitude).abs() < 1e-3, "{found} {amplitude}");
+            let size = explained.size(amplitude);
+            assert!((gain - size * size).abs() < 1e-6);
+            let of_size = explained.amplitude_of(size).unwrap();
+            assert!((of_size - amplitude).abs() < 1e-9);
+            let step = 1e-6;
+            let change = signature.change(amplitude + step) - signature.change(amplitude);
+            // Up to the reach, where it bends.
+            if amplitude < 0.8 {
+                assert!((explained.rate(amplitude) - change.norm() / step).abs() < 1e-4);
+            }
+        }
+        assert_eq!(projector.explain(&signature, &DVector::zeros(3)).best(), (0.0, 0.0));
+        assert_eq!(projector.explain(&signature, &saturating(0.5)).best().0, 0.0);
+        let far = projector.explain(&signature, &DVector::zeros(3)).largest() + 1.0;
+        assert!(projector.explain(&signature, &DVector::zeros(3)).amplitude_of(far).is_none());
+    }
+
+    #[test]
+    fn what_moduli_absorb_explains_nothing() {
+        let whitener = Whitener::new(&DMatrix::identity(3, 3), &[0], 3).unwrap();
+        let absorbed = DVector::from_vec(vec![2.0, 0.0, 0.0]);
+        let projector = Projector::new(&whitener, &[absorbed]);
+        let (left, part) = projector.surviving(&DVector::from_vec(vec![3.0, 4.0, 0.0]));
+        assert!((left - DVector::from_vec(vec![0.0, 4.0, 0.0])).norm() < 1e-12);
+        assert!((part - 0.8).abs() < 1e-12);
+    }
+}
