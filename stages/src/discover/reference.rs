@@ -28,7 +28,7 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 /// Known errors: how many, their size and length (mm).
-const COUNT: u64 = 4;
+const COUNT: u64 = 6;
 const SIZE_MM: f64 = 0.25;
 const LENGTH_MM: f64 = 12.0;
 /// Waves of one error.
@@ -117,17 +117,20 @@ pub(super) fn growth(
         let far = (reference.points[i] - reference.points[j]).norm_squared();
         (-0.5 * far / (AVERAGE_MM * AVERAGE_MM)).exp()
     };
+    // A body may come to rest elsewhere with some of them, which is no growth of an error: the least
+    // counts. Where none does, they agree to a tenth (`tiny`).
     let growth = |row: usize| {
         let at = row / nodes * nodes;
-        let (mut there, mut given) = (0.0, 0.0);
-        for j in 0..nodes {
-            let weight = near(row - at, j);
-            for (error, change) in &found {
+        let of = |(error, change): &(DVector<f64>, DVector<f64>)| {
+            let (mut there, mut given) = (0.0, 0.0);
+            for j in 0..nodes {
+                let weight = near(row - at, j);
                 there += weight * change[at + j].powi(2);
                 given += weight * error[j].powi(2);
             }
-        }
-        (there / given.max(f64::MIN_POSITIVE)).sqrt()
+            there / given.max(f64::MIN_POSITIVE)
+        };
+        found.iter().map(of).fold(f64::INFINITY, f64::min).sqrt()
     };
     Ok(DVector::from_fn(here.len(), |row, _| growth(row)))
 }
