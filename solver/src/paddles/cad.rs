@@ -18,8 +18,9 @@ const MOST_MM: f64 = 500.0;
 const SPACING_MM: f64 = 4.0;
 /// How far (mm) lines are beside the grid, so that none runs along the edge of a facet.
 const BESIDE_MM: [f64; 2] = [0.0137, 0.0211];
-/// How far (mm) a face may depart from a rectangle with round corners.
-const OUTLINE_MM: f64 = 2.0;
+/// How far a face may stand out of the rectangle with round corners, in radii of the plate's edges:
+/// corners that are sharper, even square ones, become as round as the edges.
+const OUTLINE: f64 = 0.5;
 
 /// Why a surface is no paddle. Places are those of the file (mm).
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -88,6 +89,9 @@ pub enum CadError {
         /// Radius (mm) that fits the area of the face.
         corner_mm: f64,
     },
+    /// Facets that are turned the wrong way.
+    #[error("the surface is inside out: turn its facets over")]
+    InsideOut,
     /// No facet that looks down.
     #[error("no facet looks down (-z); z must point from the breast into the paddle")]
     NoFace,
@@ -116,6 +120,9 @@ impl CadPaddle {
             return Err(CadError::Units { size });
         }
         closed(surface)?;
+        if !(surface.volume_mm3() > 0.0) {
+            return Err(CadError::InsideOut);
+        }
         // Four corners of radius c leave out (4 - π) c².
         let left_out = (size[0] * size[1] - area).max(0.0) / (4.0 - std::f64::consts::PI);
         let most = 0.5 * size[0].min(size[1]);
@@ -126,11 +133,21 @@ impl CadPaddle {
         let spacing = [size[0] / steps[0], size[1] / steps[1]];
         let count = steps.map(|n| n as usize + 1);
         let mut heights = vec![None; count[0] * count[1]];
+        // A hole makes the corners seem round: it is told before them.
+        let mut sharp = None;
         for j in 0..count[1] {
             for i in 0..count[0] {
                 let place = [i as f64 * spacing[0] - 0.5 * size[0], j as f64 * spacing[1]];
-                heights[j * count[0] + i] = scan.height(&plate, place, edge_mm)?;
+                let height = scan.height(&plate, place, edge_mm)?;
+                if height.is_some() && plate.distance(place).value > OUTLINE * edge_mm {
+                    let place = [0, 1].map(|n| place[n] + scan.origin[n]);
+                    sharp = sharp.or(Some(CadError::Corner { place, corner_mm }));
+                }
+                heights[j * count[0] + i] = height;
             }
+        }
+        if let Some(corner) = sharp {
+            return Err(corner);
         }
         let lowest = heights.iter().flatten().copied().fold(f64::INFINITY, f64::min);
         let values = filled(heights, count).ok_or(CadError::NoFace)?;
@@ -221,10 +238,7 @@ impl Scan {
             let steep = || Err(CadError::Steep { place, inside_mm: -beyond });
             return if beyond < -edge_mm { steep() } else { Ok(None) };
         }
-        if beyond > OUTLINE_MM {
-            return Err(CadError::Corner { place, corner_mm: plate.corner_mm });
-        }
-        Ok((beyond < 0.0).then_some(height))
+        Ok(Some(height))
     }
 }
 
