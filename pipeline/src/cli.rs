@@ -138,7 +138,7 @@ pub struct PaddlesArguments {
         long,
         value_name = "PADDLE",
         value_delimiter = ',',
-        default_value = "rigid,flex,elastic,tilting,curved"
+        default_value = "rigid,flex,elastic,tilting,curved,spot,biopsy,cushion"
     )]
     pub paddles: Vec<String>,
     /// Forces, pressures and stresses only; no mammogram, no dose
@@ -189,7 +189,8 @@ Examples:
   mammotwin discover study.toml --held-out tilted --json";
 
 const PADDLES_EXAMPLES: &str = "\
-Every paddle presses the breast of the study until the study's stop rule. Results that are there are
+Every paddle presses the breast of the study until the study's stop rule: rigid, flex, elastic,
+tilting, curved, spot, biopsy, cushion, and cad when it is the study's own. Results that are there are
 used again; files go to studies/paddles in the output folder.
 
 Examples:

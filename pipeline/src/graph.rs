@@ -7,6 +7,7 @@ use mammotwin_data::{
     landmarks::Landmarks,
     store::{Entry, Run, Stored},
     study::{CompressPlan, Elements, MammogramPlan, MeshPlan, Pose, Study, Use},
+    surface::TriMesh,
     volume::Volume,
 };
 use mammotwin_stages::{
@@ -389,8 +390,12 @@ fn squeeze(
     run: &Run<'_>,
     (mesh, calibration): (&Stored<BreastMesh>, &Stored<Calibration>),
 ) -> Result<Squeezed, Failure> {
-    let compress = Compress { model: study.model.clone(), plan: plan.clone() };
-    let compression = run.stage(label, &compress, (mesh, calibration))?;
+    let cad: Option<Stored<TriMesh>> = match &plan.cad {
+        Some(cad) => Some(run.external("compress.cad.file", &cad.file)?),
+        None => None,
+    };
+    let compress = Compress { model: study.model.clone(), plan: plan.clone().without_files() };
+    let compression = run.stage(label, &compress, (mesh, calibration, cad.as_ref()))?;
     let comfort = Comfort { plan: study.comfort };
     let mut metrics = vec![run.stage(label, &comfort, &compression)?];
     let (mut phantom, mut mammograms) = (None, None);

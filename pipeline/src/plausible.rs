@@ -5,12 +5,15 @@ use mammotwin_data::{
     io::{
         landmarks,
         nifti::{self, Summary},
+        stl,
     },
     labels::{LabelMap, Tissue},
     landmarks::Landmarks,
-    study::{Pose, Study},
+    study::{CompressPlan, Pose, Study},
     volume::{Grid, Volume},
 };
+use mammotwin_solver::paddles::CadPaddle;
+use mammotwin_stages::compress::from_cad;
 use std::path::{Path, PathBuf};
 
 /// How much a finding matters.
@@ -55,7 +58,28 @@ pub fn findings(study: &Study, base: &Path) -> Vec<Finding> {
         found.append(&mut pose.found);
     }
     found.extend(common_landmarks(study, &marked));
+    found.extend(study.compress.as_ref().and_then(|plan| paddle(plan, base)));
     found
+}
+
+/// Whether a paddle from CAD is one.
+fn paddle(plan: &CompressPlan, base: &Path) -> Option<Finding> {
+    let path = base.join(&plan.cad.as_ref()?.file);
+    let key = "compress.cad.file".to_owned();
+    let read = stl::read(&path).map_err(Failure::from);
+    let shape = read.and_then(|surface| from_cad(&surface));
+    Some(match shape {
+        Err(why) => {
+            let text = why.to_string();
+            let text = text.strip_prefix("compress.cad.file: ").unwrap_or(&text).to_owned();
+            Finding { key, weight: Weight::Wrong, text }
+        }
+        Ok(CadPaddle { outline, .. }) => {
+            let [width, depth] = outline.plate.map_or([0.0; 2], |p| p.half.map(|h| 2.0 * h));
+            let text = format!("a face of {width:.0} x {depth:.0} mm");
+            Finding { key, weight: Weight::Good, text }
+        }
+    })
 }
 
 struct PoseCheck<'a> {

@@ -6,7 +6,7 @@ mod stop;
 pub use stop::{StopRule, Stops};
 
 use crate::model::{Model, ModelError};
-use crate::paddles::{AT_REST, Paddle, Pose, RoundedPlate};
+use crate::paddles::{AT_REST, Outline, Paddle, Pose, RoundedPlate};
 use crate::solve::{self, Options, SolveError};
 use crate::terms::plate::{Plate, PlateKind};
 use crate::terms::{Load, Slip};
@@ -32,8 +32,10 @@ pub struct Plates {
     pub friction: f64,
     /// Which paddle it is.
     pub paddle: Paddle,
-    /// Coordinate of the middle of a paddle that bends, rolls or is curved, along `away` × `axis`
-    /// (mm).
+    /// Where the paddle ends; the receptor is endless. Corners and what is left around a window are
+    /// wide enough for the radius of the edges.
+    pub outline: Outline,
+    /// Coordinate of the middle of the paddle along `away` × `axis` (mm).
     pub middle_mm: f64,
     /// Skin that the plates may touch; nodes that the model fixes are not touched: no force of a
     /// plate would move them out of its way.
@@ -78,9 +80,17 @@ impl Pressing {
     }
 
     /// Whether the plate is nearer to upright here than to level: its front, which pushes towards
-    /// the chest wall and not at what is between the plates.
-    pub fn is_front(&self, axis: &Vec3) -> bool {
+    /// the chest wall and not at what is between the plates, or another edge of a finite plate.
+    pub fn is_upright(&self, axis: &Vec3) -> bool {
         self.facing(axis) < std::f64::consts::FRAC_1_SQRT_2
+    }
+
+    /// Whether it is the upright front, which pushes more towards the chest wall than to any other
+    /// side.
+    pub fn is_front(&self, axis: &Vec3, away: &Vec3) -> bool {
+        let backwards = -self.force_mn.dot(away);
+        let sideways = self.force_mn.dot(&away.cross(axis)).abs();
+        self.is_upright(axis) && backwards > 0.0 && backwards >= sideways
     }
 
     /// Area (mm²) as seen along the axis of the compression: pressures over it sum up to the force
@@ -89,11 +99,11 @@ impl Pressing {
         self.area_mm2 * self.facing(axis)
     }
 
-    /// Area (mm²) of the upright front, as seen across the axis.
-    pub fn front_area(&self, axis: &Vec3) -> f64 {
+    /// Area (mm²) of an upright edge, as seen across the axis; zero on the face.
+    pub fn upright_area(&self, axis: &Vec3) -> f64 {
         let facing = self.facing(axis);
         let upright = (1.0 - facing * facing).max(0.0).sqrt();
-        if self.is_front(axis) { self.area_mm2 * upright } else { 0.0 }
+        if self.is_upright(axis) { self.area_mm2 * upright } else { 0.0 }
     }
 }
 
@@ -109,8 +119,12 @@ pub struct Step {
     /// Roll of the paddle about the other axis (rad), positive when its end along
     /// `away` × `axis` rises.
     pub roll_rad: f64,
-    /// How far (mm) the paddle has given way at most where it is touched, by bending, tilt or roll.
+    /// How far (mm) the paddle has given way at most where it is touched, by bending, tilt, roll or
+    /// its foam.
     pub deflection_mm: f64,
+    /// How far (mm) skin stands out above the paddle's surface at most, beside a finite paddle or in
+    /// its window; behind its chest-wall edge does not count.
+    pub bulge_mm: f64,
     /// Smallest and largest distance of the plates (mm) where skin touches the paddle's face.
     pub gaps_mm: [f64; 2],
     /// Force of the paddle along the axis (mN), positive when pressing.
@@ -121,6 +135,8 @@ pub struct Step {
     pub contact_area_mm2: f64,
     /// Area of the paddle's upright front that the skin covers (mm²), as seen across the axis.
     pub front_area_mm2: f64,
+    /// The same of its other upright edges: sides, rear and window of a finite plate.
+    pub edge_area_mm2: f64,
     /// Force of the paddle over its contact area (kPa).
     pub mean_pressure_kpa: f64,
     /// Largest contact pressure under either plate (kPa).
@@ -153,32 +169,46 @@ pub struct Compressed {
 impl Plates {
     /// Receptor position and thickness (mm) at which both plates just touch the faces.
     pub fn touching(&self, points: &[Vec3]) -> (f64, f64) {
-        let along = |&n: &u32| self.axis.dot(&points[n as usize]);
-        let in_reach = |n: &&u32| self.away.dot(&points[**n as usize]) >= self.edge_mm;
-        let heights = || self.faces.iter().flatten().filter(in_reach).map(along);
-        let (low, high) =
-            heights().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), z| (l.min(z), h.max(z)));
+        let paddle = self.shape(PlateKind::Paddle);
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for point in self.faces.iter().flatten().map(|&n| &points[n as usize]) {
+            let height = self.axis.dot(point);
+            if self.away.dot(point) >= self.edge_mm {
+                low = low.min(height);
+            }
+            if self.outline.distance(paddle.place(point)).value <= 0.0 {
+                high = high.max(height);
+            }
+        }
         (low, high - low)
     }
 
-    fn plate(&self, kind: PlateKind, model: &Model) -> Result<Plate, ModelError> {
-        let into = match kind {
-            PlateKind::Receptor => -self.axis,
-            PlateKind::Paddle => self.axis,
+    fn shape(&self, kind: PlateKind) -> RoundedPlate {
+        let (into, outline) = match kind {
+            PlateKind::Receptor => (-self.axis, Outline::ENDLESS),
+            PlateKind::Paddle => (self.axis, self.outline),
         };
-        let shape = RoundedPlate {
+        RoundedPlate {
             into,
             away: self.away,
             edge_mm: self.edge_mm,
             radius_mm: self.radius_mm,
-        };
+            middle_mm: self.middle_mm,
+            outline,
+        }
+    }
+
+    fn plate(&self, kind: PlateKind, model: &Model) -> Result<Plate, ModelError> {
         let fixed = |n: u32| model.fixed()[n as usize] == [true; 3];
-        let plate = Plate::new(kind, shape, &model.rest, &self.faces).without(fixed);
-        let axis_mm = self.paddle.hinge().map_or(0.0, |hinge| hinge.axis_mm);
-        let plate = match self.paddle.lift() {
-            Some(lift) => plate.lifted(lift.clone(), self.middle_mm),
-            None => plate.tilting(axis_mm),
-        };
+        let mut plate = Plate::new(kind, self.shape(kind), &model.rest, &self.faces).without(fixed);
+        if kind == PlateKind::Paddle {
+            plate = match &self.paddle {
+                Paddle::Rigid => plate,
+                Paddle::Flex(hinge) => plate.tilting(hinge.axis_mm),
+                Paddle::Cushioned(cushion) => plate.cushioned(*cushion, &self.faces),
+                Paddle::Lifted(lift) => plate.lifted(lift.clone()),
+            };
+        }
         plate.slip(Slip::Coulomb(self.friction))
     }
 
@@ -205,6 +235,27 @@ impl Plates {
             if !(value > 0.0 && value.is_finite()) {
                 return refuse(what, value, "give a positive one");
             }
+        }
+        if let Some(cushion) = self.paddle.cushion() {
+            for (what, value) in [
+                ("thickness of the foam (mm)", cushion.thickness_mm),
+                ("modulus of the foam (kPa)", cushion.young_kpa),
+            ] {
+                if !(value > 0.0 && value.is_finite()) {
+                    return refuse(what, value, "give a positive one");
+                }
+            }
+        }
+        for shape in [self.outline.plate, self.outline.window].into_iter().flatten() {
+            let [corner, half] = [shape.corner_mm, shape.half[0].min(shape.half[1])];
+            if !(corner <= half && half.is_finite() && shape.middle.iter().all(|x| x.is_finite())) {
+                return refuse("corner of an outline (mm)", corner, "give one that fits into it");
+            }
+        }
+        let sharp = self.outline.plate.map_or(self.radius_mm, |plate| plate.corner_mm);
+        if !(sharp >= self.radius_mm) {
+            let remedy = "give one that is not below the radius of the edges";
+            return refuse("corner of the paddle (mm)", sharp, remedy);
         }
         let limits = closing.stops.named();
         if limits.iter().all(|(_, limit)| limit.is_none()) {

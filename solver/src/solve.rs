@@ -64,6 +64,17 @@ pub enum SolveError {
         /// Distance of the plates (mm).
         thickness_mm: f64,
     },
+    /// A foam that is pressed flat.
+    #[error(
+        "the foam of the paddle is pressed flat at {thickness_mm:.1} mm: the skin would lie deeper in it than \
+         its {foam_mm} mm; make it thicker or stiffer, or press less"
+    )]
+    Cushion {
+        /// Distance of the plates (mm).
+        thickness_mm: f64,
+        /// Thickness of the foam (mm).
+        foam_mm: f64,
+    },
     /// The load could not be carried.
     #[error(
         "no equilibrium beyond {:.1} % of the load: {why} in {term}, element {element}, at \

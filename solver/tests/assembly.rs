@@ -10,7 +10,7 @@ use mammotwin_data::{Vec3, mesh::Patch, progress::Silent, study::LawName};
 use mammotwin_solver::assemble::{Assembly, State};
 use mammotwin_solver::linear::Ldlt;
 use mammotwin_solver::materials::Law;
-use mammotwin_solver::paddles::RoundedPlate;
+use mammotwin_solver::paddles::{Outline, RoundedPlate};
 use mammotwin_solver::terms::plate::{Plate, PlateKind};
 use mammotwin_solver::terms::target::Cylinder;
 use mammotwin_solver::terms::{Bulk, Cable, Cables, Curvature, Gravity, Load, Membrane, Sliding};
@@ -39,7 +39,14 @@ fn everything() -> Model {
     let wall = Cylinder { point: Vec3::new(12.0, 8.0, -90.0), axis: Vec3::x(), radius_mm: 89.0 };
     let base = mesh.patch(Patch::ChestWall);
     model.add(Sliding::new("wall", points, base, Arc::new(wall))).unwrap();
-    let shape = RoundedPlate { into: Vec3::y(), away: Vec3::z(), edge_mm: 5.0, radius_mm: 4.0 };
+    let shape = RoundedPlate {
+        into: Vec3::y(),
+        away: Vec3::z(),
+        edge_mm: 5.0,
+        radius_mm: 4.0,
+        middle_mm: 0.0,
+        outline: Outline::ENDLESS,
+    };
     for kind in [PlateKind::Receptor, PlateKind::Paddle] {
         model.add(Plate::new(kind, shape, points, faces)).unwrap();
     }

@@ -13,7 +13,7 @@ use common::{Body, coarse, fine};
 use mammotwin_data::{Vec3, mesh::Patch, study::LawName};
 use mammotwin_solver::compress::{Compressed, Plates, Step, Stops};
 use mammotwin_solver::materials::Law;
-use mammotwin_solver::paddles::{Hinge, Paddle, RoundedPlate};
+use mammotwin_solver::paddles::{Hinge, Outline, Paddle, RoundedPlate};
 
 fn squeeze(body: &Body, law: Law, radius_mm: f64, goal_mm: f64) -> Compressed {
     press(body, law, radius_mm, goal_mm, None, 0.0)
@@ -31,6 +31,7 @@ fn press(
         law,
         radius_mm,
         paddle: hinge.map_or(Paddle::Rigid, Paddle::Flex),
+        outline: Outline::ENDLESS,
         middle_mm: 0.0,
         friction,
         step_mm: 5.0,
@@ -61,7 +62,9 @@ fn integrates(plates: &Plates, step: &Step) {
             } else {
                 (-axis, -step.receptor_mm)
             };
-            let normal = RoundedPlate { into, away, edge_mm, radius_mm }.distance(&p, level).1;
+            let outline = Outline::ENDLESS;
+            let plate = RoundedPlate { into, away, edge_mm, radius_mm, middle_mm: 0.0, outline };
+            let normal = plate.distance(&p, level).1;
             let force = step.contact_pressure_kpa[*n as usize] * -third.dot(&normal) * normal;
             forces[usize::from(above)] -= force.dot(&into);
         }
@@ -126,7 +129,14 @@ fn torque_of_pressures(body: &Body, step: &Step, axis_mm: f64) -> f64 {
     let axis = Vec3::new(0.0, step.receptor_mm + step.thickness_mm, EDGE_MM + axis_mm);
     let (into, away) = (Vec3::new(0.0, cos, sin), Vec3::new(0.0, -sin, cos));
     let edge_mm = away.dot(&axis) - axis_mm;
-    let paddle = RoundedPlate { into, away, edge_mm, radius_mm: 10.0 };
+    let paddle = RoundedPlate {
+        into,
+        away,
+        edge_mm,
+        radius_mm: 10.0,
+        middle_mm: 0.0,
+        outline: Outline::ENDLESS,
+    };
     let mut torque = 0.0;
     for face in body.mesh.patch(Patch::Skin) {
         let [a, b, c] = face.map(|n| step.points[n as usize]);

@@ -14,7 +14,7 @@ use mammotwin_data::{
 use mammotwin_solver::assemble::{Assembly, State};
 use mammotwin_solver::compress::{Closing, Plates, Stops, compress};
 use mammotwin_solver::materials::Law;
-use mammotwin_solver::paddles::Paddle;
+use mammotwin_solver::paddles::{Outline, Paddle};
 use mammotwin_solver::solve::follow;
 use mammotwin_solver::terms::{
     Bulk, Cable, Cables, Gravity, Load, Membrane, Opening, Sliding, Slip, Term,
@@ -308,6 +308,7 @@ fn plates_with_friction_hold_what_they_touch() {
             radius_mm: 1.0,
             friction,
             paddle: Paddle::Rigid,
+            outline: Outline::ENDLESS,
             middle_mm: 0.0,
             faces: faces.collect(),
         };

@@ -2,6 +2,8 @@
 
 mod paddle;
 
+pub use paddle::from_cad;
+
 use crate::{
     calibrate::Calibration,
     load_steps::{self, LoadStep},
@@ -17,7 +19,7 @@ use mammotwin_data::{
     rigid::RigidTransform,
     solution::Solution,
     store::{Artifact, Stage},
-    study::{CompressPlan, ModelPlan},
+    study::{CompressPlan, EDGE_RADIUS_MM, ModelPlan},
     surface::TriMesh,
     units::NEWTON,
 };
@@ -48,12 +50,16 @@ pub struct Course {
     pub receptor_force_n: Vec<f64>,
     /// Roll of the paddle about the axis away from the chest wall (degrees).
     pub roll_deg: Vec<f64>,
-    /// How far (mm) the paddle gives way at most where it is touched, by bending, tilt or roll.
+    /// How far (mm) the paddle gives way at most where it is touched, by bending, tilt, roll or foam.
     pub deflection_mm: Vec<f64>,
+    /// How far (mm) skin stands out above the paddle's surface at most, beside it or in its window.
+    pub bulge_mm: Vec<f64>,
     /// Contact area of the paddle (mm²), as seen along the compression: without its front.
     pub contact_area_mm2: Vec<f64>,
     /// Contact area of the paddle's upright front (mm²), as seen across the compression.
     pub front_area_mm2: Vec<f64>,
+    /// The same of its other upright edges: sides, rear and window of a finite paddle.
+    pub edge_area_mm2: Vec<f64>,
     /// Force of the paddle over its contact area (kPa).
     pub mean_pressure_kpa: Vec<f64>,
     /// Largest pressure under either plate (kPa).
@@ -109,6 +115,8 @@ pub struct Compression {
     /// Mean of the smallest and the largest distance of the plates where skin touches the paddle
     /// (mm): the thickness that a mammogram is given.
     pub nominal_thickness_mm: f64,
+    /// Border of a finite paddle and of its window, x and y (mm); empty for an endless one.
+    pub outline_mm: Vec<Vec<[f64; 2]>>,
     /// From the reference pose to the detector's frame.
     pub to_detector: RigidTransform,
     /// How they got there.
@@ -136,11 +144,11 @@ impl Compression {
     }
 
     /// Area (mm²) of both plates' faces that the skin around each node covers, as seen along the
-    /// compression; their upright fronts do not count.
+    /// compression; their upright edges do not count.
     pub fn face_areas_mm2(&self) -> Vec<f64> {
         let (mut areas, axis) = (vec![0.0; self.mesh.points.len()], Vec3::z());
         for one in self.plates.iter().flat_map(|plate| plate.touched()) {
-            if !one.is_front(&axis) {
+            if !one.is_upright(&axis) {
                 areas[one.node as usize] += one.face_area(&axis);
             }
         }
@@ -163,16 +171,17 @@ impl Compression {
 
 impl Stage for Compress {
     const NAME: &'static str = "compress";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const METHODS: &'static str = "The breast was compressed between two plates, flat, frictionless and fixed in their direction \
-         unless stated otherwise, their rounded edges along the chest wall under it, from its stress-free shape and without gravity (the thesis \
+         unless stated otherwise, their rounded edges along the chest wall under it, the paddle as large as its outline, from its stress-free shape and without gravity (the thesis \
          neglects its prestress, too).";
-    type Input = (BreastMesh, Calibration);
+    /// The surface is that of a paddle from CAD.
+    type Input = (BreastMesh, Calibration, Option<TriMesh>);
     type Output = Compression;
 
     fn run(
         &self,
-        (whole, calibration): &Self::Input,
+        (whole, calibration, cad): &Self::Input,
         progress: &dyn Progress,
     ) -> Result<Compression, Failure> {
         let side = self.plan.side;
@@ -218,13 +227,15 @@ impl Stage for Compress {
         // An oblique paddle comes from above and the middle.
         let axis = cos * base.cranial - sin * base.lateral;
         let along = base.normal.cross(&axis);
+        let (paddle, outline) = paddle::paddle(&self.plan, cad.as_ref())?;
         let plates = press::Plates {
             axis,
             away: base.normal,
             edge_mm: base.normal.dot(&base.center) + self.plan.chest_wall_distance_mm,
             radius_mm: EDGE_RADIUS_MM,
             friction: self.plan.friction,
-            paddle: paddle::paddle(&self.plan)?,
+            paddle,
+            outline,
             middle_mm: along.dot(&base.center),
             faces: skin.filter(|face| face.iter().all(near)).copied().collect(),
         };
@@ -240,8 +251,6 @@ impl Stage for Compress {
 
 /// Skin within this elliptic radius of the base may touch the plates.
 const TOUCHED_RADIUS: f64 = 1.25;
-/// Radius (mm) of the plates' edges.
-const EDGE_RADIUS_MM: f64 = 6.0;
 /// Largest change (mm) of the thickness between recorded states.
 const STEP_MM: f64 = 5.0;
 
@@ -336,8 +345,10 @@ fn result(
         receptor_force_n: of(|s| s.receptor_force_mn / NEWTON),
         roll_deg: of(|s| s.roll_rad.to_degrees()),
         deflection_mm: of(|s| s.deflection_mm),
+        bulge_mm: of(|s| s.bulge_mm),
         contact_area_mm2: of(|s| s.contact_area_mm2),
         front_area_mm2: of(|s| s.front_area_mm2),
+        edge_area_mm2: of(|s| s.edge_area_mm2),
         mean_pressure_kpa: of(|s| s.mean_pressure_kpa),
         peak_pressure_kpa: of(|s| s.peak_pressure_kpa),
     };
@@ -346,6 +357,9 @@ fn result(
     let nipple = &done.solution.points[nipple_node as usize];
     let to_detector = to_detector(plates, last.map_or(0.0, |s| s.receptor_mm), nipple);
     let points = mesh.points.iter().map(|p| to_detector.point(p)).collect();
+    let middle = plates.middle_mm - plates.away.cross(&plates.axis).dot(nipple);
+    let mut outline_mm = plates.outline.polygons();
+    outline_mm.iter_mut().flatten().for_each(|corner| corner[0] += middle);
     let contact = |which: usize| {
         last.map(|s| PlateContact::of(&s.pressing[which], nodes, &to_detector)).unwrap_or_default()
     };
@@ -367,6 +381,7 @@ fn result(
         nominal_thickness_mm: last
             .and_then(|s| nominal_thickness_mm(s.gaps_mm))
             .unwrap_or_default(),
+        outline_mm,
         to_detector,
         curve,
         steps,
@@ -401,6 +416,8 @@ impl Artifact for Compression {
         file.put_json("met", &self.met, "the rule that ended it")?;
         let frame = "from the reference pose to the detector's frame";
         file.put_json("to_detector", &self.to_detector, frame)?;
+        let border = "border of a finite paddle and of its window, x and y (mm)";
+        file.put_json("outline", &self.outline_mm, border)?;
         file.put_json("course", &self.curve, "the course of the compression")?;
         load_steps::put(&mut file, "steps", &self.steps)?;
         file.put_json("nipple_node", &self.nipple_node, "node that is the nipple")?;
@@ -426,6 +443,7 @@ impl Artifact for Compression {
             contact_pressure_kpa: file.get("contact_pressure")?,
             thickness_mm: file.scalar("thickness")?,
             to_detector: file.json("to_detector")?,
+            outline_mm: file.json("outline")?,
             curve: file.json("course")?,
             steps: load_steps::get(&file, "steps")?,
             nipple_node: file.json("nipple_node")?,
@@ -438,7 +456,7 @@ impl Artifact for Compression {
 mod tests {
     use super::*;
     use mammotwin_data::study;
-    use mammotwin_solver::paddles::Paddle;
+    use mammotwin_solver::paddles::{Outline, Paddle};
 
     /// A triangle of skin 30 mm high stands for the breast.
     fn closing(stop: &str, edge_mm: f64) -> Result<press::Closing, Failure> {
@@ -456,6 +474,7 @@ mod tests {
             radius_mm: EDGE_RADIUS_MM,
             friction: 0.0,
             paddle: Paddle::Rigid,
+            outline: Outline::ENDLESS,
             middle_mm: 0.0,
             faces: vec![[0, 1, 2]],
         };

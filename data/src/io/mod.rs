@@ -6,3 +6,4 @@ pub mod landmarks;
 pub mod metaimage;
 pub mod nifti;
 pub mod picture;
+pub mod stl;

@@ -1,4 +1,4 @@
-//! Central types as artifacts: images and labels as NIfTI, landmarks as CSV.
+//! Central types as artifacts: images and labels as NIfTI, landmarks as CSV, surfaces as STL.
 
 use super::Artifact;
 use crate::{
@@ -6,9 +6,11 @@ use crate::{
     io::{
         landmarks,
         nifti::{self, Version, VoxelType},
+        stl,
     },
     labels::LabelMap,
     landmarks::Landmarks,
+    surface::TriMesh,
     volume::Volume,
 };
 use std::path::Path;
@@ -34,6 +36,18 @@ impl Artifact for LabelMap {
 
     fn load(path: &Path) -> Result<Self, Failure> {
         Ok(nifti::read_labels(path)?)
+    }
+}
+
+impl Artifact for TriMesh {
+    const EXTENSION: &'static str = "stl";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        Ok(stl::write(path, self)?)
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        Ok(stl::read(path)?)
     }
 }
 

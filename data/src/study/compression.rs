@@ -1,8 +1,9 @@
 //! The compression in a study: paddle, view, position, law, and what ends it.
 
-use super::{LawConstants, LawName};
+use super::{BiopsyPlan, CadPlan, CushionPlan, LawConstants, LawName, OutlinePlan, SpotPlan};
 use crate::labels::Side;
 use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
 
 /// When the paddle stops: at the first of these limits. At least one is given.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -44,12 +45,29 @@ pub enum PaddleName {
     Curved,
     /// Flat, tilts along the chest-wall edge and rolls across it.
     Tilting,
+    /// A small plate.
+    Spot,
+    /// A plate with a window.
+    Biopsy,
+    /// A rigid plate under a layer of foam.
+    Cushion,
+    /// Rigid; its surface and outline are those of an STL file.
+    Cad,
 }
 
 impl PaddleName {
     /// All of them.
-    pub const ALL: [Self; 5] =
-        [Self::Rigid, Self::Flex, Self::Elastic, Self::Curved, Self::Tilting];
+    pub const ALL: [Self; 9] = [
+        Self::Rigid,
+        Self::Flex,
+        Self::Elastic,
+        Self::Curved,
+        Self::Tilting,
+        Self::Spot,
+        Self::Biopsy,
+        Self::Cushion,
+        Self::Cad,
+    ];
 
     /// As written in a study.
     pub fn name(self) -> &'static str {
@@ -59,6 +77,10 @@ impl PaddleName {
             Self::Elastic => "elastic",
             Self::Curved => "curved",
             Self::Tilting => "tilting",
+            Self::Spot => "spot",
+            Self::Biopsy => "biopsy",
+            Self::Cushion => "cushion",
+            Self::Cad => "cad",
         }
     }
 }
@@ -218,6 +240,17 @@ pub struct CompressPlan {
     pub curve: Option<CurvePlan>,
     /// Gimbal of a tilting paddle; an assumed one when absent.
     pub gimbal: Option<GimbalPlan>,
+    /// Where the plate of the paddle ends; it is endless when absent, but for a spot paddle and one
+    /// from CAD, which have their own, and for a biopsy paddle, whose plate is the small one then.
+    pub outline: Option<OutlinePlan>,
+    /// A spot paddle; round and of 9 cm when absent.
+    pub spot: Option<SpotPlan>,
+    /// Window of a biopsy paddle; one of 5 x 5 cm when absent.
+    pub biopsy: Option<BiopsyPlan>,
+    /// Foam of a cushion; an assumed one when absent.
+    pub cushion: Option<CushionPlan>,
+    /// File of a paddle from CAD.
+    pub cad: Option<CadPlan>,
     /// Distance (mm) from the chest wall to the paddle's edge.
     pub chest_wall_distance_mm: f64,
     /// When the paddle stops.
@@ -233,6 +266,24 @@ pub struct CompressPlan {
 pub const MLO_ANGLE_DEG: f64 = 45.0;
 
 impl CompressPlan {
+    /// The same compression under another paddle, without what belongs to its own one.
+    pub fn under(&self, paddle: PaddleName) -> Self {
+        let mut plan = Self { paddle, ..self.clone() };
+        (plan.hinge, plan.plate, plan.curve, plan.gimbal) = (None, None, None, None);
+        (plan.spot, plan.biopsy, plan.cushion, plan.cad) = (None, None, None, None);
+        if matches!(paddle, PaddleName::Spot | PaddleName::Cad) {
+            plan.outline = None;
+        }
+        plan
+    }
+
+    /// The same compression without the names of its files, which may name people and do not belong
+    /// to what is computed.
+    pub fn without_files(self) -> Self {
+        let cad = self.cad.map(|_| CadPlan { file: PathBuf::new() });
+        Self { cad, ..self }
+    }
+
     /// Angle (degrees) between the direction of this compression and the cranio-caudal one.
     pub fn angle_deg(&self) -> f64 {
         match self.view {

@@ -7,7 +7,9 @@ mod compression;
 mod interface;
 mod law;
 mod locate;
+mod paddles;
 mod validate;
+mod validate_paddles;
 mod wording;
 
 pub use compression::{
@@ -16,6 +18,9 @@ pub use compression::{
 };
 pub use interface::{InterfaceKind, InterfacePlan, InterfaceRegion, RegionPlan};
 pub use law::{BadConstant, LawConstants, LawName, OgdenTerms};
+pub use paddles::{
+    BiopsyPlan, CadPlan, CushionPlan, EDGE_RADIUS_MM, OutlinePlan, SpotName, SpotPlan,
+};
 pub use validate::{CALIBRATED, EFFECTS, LIGAMENTS, StudyError, parse};
 
 use crate::{Vec3, labels::Side};
@@ -68,6 +73,7 @@ impl Study {
         for pose in study.poses.values_mut() {
             (pose.image, pose.landmarks, pose.labels) = (PathBuf::new(), None, None);
         }
+        study.compress = study.compress.map(CompressPlan::without_files);
         study
     }
 }

@@ -1,8 +1,8 @@
 //! Reads a study and refuses what cannot be meant.
 
 use super::{
-    ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, MammogramPlan, ModelPlan,
-    PaddleName, Pose, RegionPlan, Study, Use, View, locate::Places, wording,
+    ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, MammogramPlan, ModelPlan, Pose,
+    RegionPlan, Study, Use, View, locate::Places, validate_paddles, wording,
 };
 use std::ops::Range;
 
@@ -71,14 +71,14 @@ pub fn parse(text: &str) -> Result<Study, StudyError> {
     Ok(study)
 }
 
-struct Refusal {
+pub(super) struct Refusal {
     path: String,
     why: String,
 }
 
-type Checked = Result<(), Refusal>;
+pub(super) type Checked = Result<(), Refusal>;
 
-fn refuse(path: impl Into<String>, why: impl Into<String>) -> Checked {
+pub(super) fn refuse(path: impl Into<String>, why: impl Into<String>) -> Checked {
     Err(Refusal { path: path.into(), why: why.into() })
 }
 
@@ -238,47 +238,7 @@ fn compress(plan: &CompressPlan) -> Checked {
         }
         within("compress.view_angle_deg", angle, 20.0, 90.0)?;
     }
-    for (key, given, paddle) in [
-        ("hinge", plan.hinge.is_some(), PaddleName::Flex),
-        ("plate", plan.plate.is_some(), PaddleName::Elastic),
-        ("curve", plan.curve.is_some(), PaddleName::Curved),
-        ("gimbal", plan.gimbal.is_some(), PaddleName::Tilting),
-    ] {
-        if given && plan.paddle != paddle {
-            let name = paddle.name();
-            let why =
-                format!("only a {name} paddle has one; remove it, or write paddle = {name:?}");
-            return refuse(format!("compress.{key}"), why);
-        }
-    }
-    let mut numbers = Vec::new();
-    if let Some(hinge) = plan.hinge {
-        numbers.push(("hinge.axis_mm", hinge.axis_mm, -100.0, 300.0));
-        numbers.push(("hinge.linear_n_mm_per_rad", hinge.linear_n_mm_per_rad, 1.0, 1e9));
-        let quadratic = hinge.quadratic_n_mm_per_rad2;
-        numbers.push(("hinge.quadratic_n_mm_per_rad2", quadratic, 0.0, 1e10));
-    }
-    if let Some(plate) = plan.plate {
-        numbers.push(("plate.width_mm", plate.width_mm, 20.0, 500.0));
-        numbers.push(("plate.depth_mm", plate.depth_mm, 20.0, 500.0));
-        numbers.push(("plate.thickness_mm", plate.thickness_mm, 0.1, 50.0));
-        numbers.push(("plate.young_mpa", plate.young_mpa, 1.0, 1e6));
-        numbers.push(("plate.poisson", plate.poisson, 0.0, 0.49));
-        numbers.push(("plate.lip_mm", plate.lip_mm, 0.0, 100.0));
-    }
-    if let Some(curve) = plan.curve {
-        numbers.push(("curve.rise_mm", curve.rise_mm, 0.0, 100.0));
-        numbers.push(("curve.reach_mm", curve.reach_mm, 5.0, 300.0));
-        numbers.push(("curve.arch_radius_mm", curve.arch_radius_mm.unwrap_or(1e3), 100.0, 1e5));
-    }
-    if let Some(gimbal) = plan.gimbal {
-        numbers.push(("gimbal.axis_mm", gimbal.axis_mm, -100.0, 300.0));
-        numbers.push(("gimbal.tilt_n_mm_per_rad", gimbal.tilt_n_mm_per_rad, 1.0, 1e9));
-        numbers.push(("gimbal.roll_n_mm_per_rad", gimbal.roll_n_mm_per_rad, 1.0, 1e9));
-    }
-    for (key, value, low, high) in numbers {
-        within(&format!("compress.{key}"), value, low, high)?;
-    }
+    validate_paddles::paddle(plan)?;
     poisson("compress.law.poisson", plan.law.poisson)?;
     law("compress.law", plan.law.name, plan.law.jm, &plan.law.constants)
 }
@@ -349,7 +309,7 @@ fn law(path: &str, law: LawName, jm: Option<f64>, constants: &LawConstants) -> C
     constants.check(law, jm).or_else(|bad| refuse(format!("{path}.{}", bad.key), bad.why))
 }
 
-fn within(path: &str, value: f64, low: f64, high: f64) -> Checked {
+pub(super) fn within(path: &str, value: f64, low: f64, high: f64) -> Checked {
     if value >= low && value <= high {
         return Ok(());
     }

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test may fail at once
 
-use mammotwin_data::study::{InterfaceKind, InterfaceRegion, Study, parse};
+use mammotwin_data::study::{InterfaceKind, InterfaceRegion, PaddleName, Study, parse};
 use proptest::{
     prelude::Rng,
     test_runner::{RngAlgorithm, TestRng},
@@ -181,6 +181,9 @@ fn compressions_say_how_they_end_and_under_what() {
         ("elastic", "plate = { thickness_mm = 0.0 }", "plate.thickness_mm"),
         ("curved", "curve = { rise_mm = -1.0 }", "curve.rise_mm"),
         ("tilting", "gimbal = { roll_n_mm_per_rad = 0.0 }", "gimbal.roll_n_mm_per_rad"),
+        ("spot", "spot = { size_mm = 5.0 }", "spot.size_mm"),
+        ("biopsy", "biopsy = { window_depth_mm = 500.0 }", "biopsy.window_depth_mm"),
+        ("cushion", "cushion = { young_kpa = 0.0 }", "cushion.young_kpa"),
     ] {
         refused(rigid, &format!("paddle = \"{name}\"\n{table}"), &[&format!("compress.{key}")]);
         let (word, _) = table.split_once(' ').unwrap();
@@ -189,6 +192,24 @@ fn compressions_say_how_they_end_and_under_what() {
         let text = GOOD.replacen(rigid, &format!("paddle = \"{name}\"\n{word} = {{}}"), 1);
         assert_eq!(parse(&text).unwrap().compress.unwrap().paddle.name(), name);
     }
+    let spot = "paddle = \"spot\"\nspot = { shape = \"square\", corner_mm = 3.0 }";
+    refused(rigid, spot, &["compress.spot.corner_mm"]);
+    refused(rigid, "paddle = \"spot\"\nspot = { shape = \"oval\" }", &["compress.spot", "oval"]);
+    refused(rigid, "paddle = \"spot\"\noutline = {}", &["compress.outline", "its own"]);
+    refused(rigid, "paddle = \"flex\"\noutline = { corner_mm = 2.0 }", &["outline.corner_mm", "6"]);
+    let near = "paddle = \"biopsy\"\nbiopsy = { away_mm = 8.0 }";
+    refused(rigid, near, &["compress.biopsy.away_mm", "8 mm of the plate", "12 mm"]);
+    let wide = "paddle = \"biopsy\"\nbiopsy = { along_mm = 90.0 }";
+    refused(rigid, wide, &["compress.biopsy.window_width_mm", "5 mm of the plate"]);
+    refused(rigid, "paddle = \"cad\"", &["compress.paddle", "cad = { file"]);
+    refused(rigid, "paddle = \"cad\"\ncad = {}", &["cad", "file"]);
+    refused(rigid, "paddle = \"cad\"\ncad = { file = \"\" }", &["compress.cad.file"]);
+    let cad = GOOD.replacen(rigid, "paddle = \"cad\"\ncad = { file = \"p.stl\" }", 1);
+    let study = parse(&cad).unwrap();
+    assert_eq!(study.compress.clone().unwrap().cad.unwrap().file.to_str(), Some("p.stl"));
+    let bare = study.without_files().compress.unwrap();
+    assert_eq!(bare.cad.as_ref().unwrap().file.to_str(), Some(""));
+    assert!(bare.under(PaddleName::Cushion).cad.is_none());
     refused(rigid, "start_pose = \"tilted\"", &["compress.start_pose", "validate"]);
     refused(rigid, "start_pose = \"upright\"", &["compress.start_pose", "prone"]);
     refused("view = \"cc\"", "view_angle_deg = 45.0", &["compress.view_angle_deg", "mlo"]);

@@ -19,8 +19,8 @@ use std::fs;
 pub fn paddles(arguments: &PaddlesArguments) -> Result<(), Failure> {
     let (opened, plan) = read(&arguments.study, arguments.no_picture)?;
     let names = named(&arguments.paddles)?;
-    let ways: Vec<_> =
-        names.into_iter().map(|name| (name.name().into(), under(&plan, name))).collect();
+    let way = |name: PaddleName| Ok((name.name().into(), under(&plan, name)?));
+    let ways: Vec<_> = names.into_iter().map(way).collect::<Result<_, Failure>>()?;
     go(&opened, ThesisStudy::Paddles, "paddles", &ways)
 }
 
@@ -36,7 +36,7 @@ pub fn positions(arguments: &PositionsArguments) -> Result<(), Failure> {
                 return Err(Failure::Usage(text));
             }
             let label = format!("{}_{distance}mm", name.name()).replace('.', "-");
-            let here = CompressPlan { chest_wall_distance_mm: distance, ..under(&plan, name) };
+            let here = CompressPlan { chest_wall_distance_mm: distance, ..under(&plan, name)? };
             if ways.iter().all(|(known, _)| *known != label) {
                 ways.push((label, here));
             }
@@ -74,12 +74,19 @@ fn named(words: &[String]) -> Result<Vec<PaddleName>, Failure> {
 }
 
 /// The same compression under another paddle, as the study describes it or with assumed numbers.
-fn under(plan: &CompressPlan, paddle: PaddleName) -> CompressPlan {
+///
+/// # Errors
+/// A paddle from CAD, of which the study names no file.
+fn under(plan: &CompressPlan, paddle: PaddleName) -> Result<CompressPlan, Failure> {
     if plan.paddle == paddle {
-        return plan.clone();
+        return Ok(plan.clone());
     }
-    // What belongs to the study's own paddle does not fit another one.
-    CompressPlan { paddle, hinge: None, plate: None, curve: None, gimbal: None, ..plan.clone() }
+    if paddle == PaddleName::Cad {
+        let text = "--paddles cad: the study names no file; write paddle = \"cad\" and \
+                    cad = { file = \"paddle.stl\" } in its [compress]";
+        return Err(Failure::Usage(text.into()));
+    }
+    Ok(plan.under(paddle))
 }
 
 /// Computes what is not there and writes tables, figures and page.

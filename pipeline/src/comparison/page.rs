@@ -20,17 +20,20 @@ const SENSOR_PIXELS: usize = 12;
 const BAR_MM: f64 = 50.0;
 
 /// Metrics of the table, with their headings.
-const SHOWN: [(&str, &str); 19] = [
+const SHOWN: [(&str, &str); 22] = [
     ("thickness_mm", "thickness (mm)"),
     ("nominal_thickness_mm", "nominal thickness (mm)"),
     ("deflection_mm", "deflection (mm)"),
+    ("bulge_mm", "bulge beside or in the paddle (mm)"),
     ("force_n", "force (N)"),
     ("contact_area_cm2", "contact area, face (cm²)"),
     ("front_area_cm2", "contact area, front (cm²)"),
+    ("edge_area_cm2", "contact area, other edges (cm²)"),
     ("mean_pressure_kpa", "mean pressure (kPa)"),
     ("pressure_p95_kpa", "pressure, 95 % of area (kPa)"),
     ("face_peak_pressure_kpa", "largest pressure, faces (kPa)"),
     ("front_peak_pressure_kpa", "largest pressure, fronts (kPa)"),
+    ("edge_peak_pressure_kpa", "largest pressure, other edges (kPa)"),
     ("juxtathoracic_share", "juxtathoracic share of force"),
     ("mat_contact_area_cm2", "mat: contact area (cm²)"),
     ("mat_peak_kpa", "mat: largest (kPa)"),

@@ -6,15 +6,13 @@ use crate::model::Model;
 use crate::newton::Newton;
 use crate::paddles::{Hinge, Lift, Pose};
 use crate::solve::{self, Options, SolveError};
-use crate::terms::Load;
 use crate::terms::plate::Plate;
+use crate::terms::{Load, contact::skin_around};
 use mammotwin_data::{
-    Vec3,
     progress::Silent,
     solution::{Checks, von_mises_kpa},
 };
 use nalgebra::{DMatrix, DVector};
-use std::collections::BTreeMap;
 
 /// A limit is met within this part of it.
 const STOP_TOLERANCE: f64 = 0.01;
@@ -33,38 +31,6 @@ const POSE_TOLERANCE_MM: f64 = 0.002;
 /// Largest change (mm) of a coordinate in one trial, and most trials.
 const LARGEST_MOVE_MM: f64 = 4.0;
 const POSE_TRIALS: usize = 40;
-
-/// Least part of the skin around a node that a plate is taken to touch.
-const LEAST_FACING: f64 = 0.25;
-
-/// Deformed skin (mm²) around a node.
-#[derive(Default)]
-struct Skin {
-    area: f64,
-    vector: Vec3,
-}
-
-impl Skin {
-    /// Area of a plate with this normal that the skin covers. Pressures are those on the plate: they
-    /// add up to its force whether or not the skin is folded under it.
-    fn facing(&self, normal: Vec3) -> f64 {
-        self.vector.dot(&normal).max(LEAST_FACING * self.area)
-    }
-}
-
-fn area_vectors(points: &[Vec3], faces: &[[u32; 3]]) -> BTreeMap<u32, Skin> {
-    let mut skins: BTreeMap<u32, Skin> = BTreeMap::new();
-    for face in faces {
-        let [a, b, c] = face.map(|n| points[n as usize]);
-        let third = (b - a).cross(&(c - a)) / 6.0;
-        for &n in face {
-            let skin = skins.entry(n).or_default();
-            skin.area += third.norm();
-            skin.vector += third;
-        }
-    }
-    skins
-}
 
 /// A model between plates.
 pub(super) struct Press<'a> {
@@ -90,8 +56,30 @@ impl Press<'_> {
         }
         match self.plates.paddle.lift().cloned() {
             Some(lift) if lift.coordinates() > 0 => self.settle(&*lift, state, load),
+            _ if self.plates.paddle.cushion().is_some() => self.sink(state, load),
             _ => self.walk_rigid(state, load),
         }
+    }
+
+    /// Walks to `load` as long as the foam on the paddle has not given way altogether.
+    fn sink(&mut self, state: &mut State, load: Load) -> Result<(), SolveError> {
+        let Some(cushion) = self.plates.paddle.cushion() else { return Ok(()) };
+        let before = state.clone();
+        self.walk_rigid(state, load)?;
+        let deepest = self.deepest(state);
+        if deepest <= cushion.thickness_mm {
+            return Ok(());
+        }
+        *state = before;
+        let thickness_mm = load.thickness_mm;
+        Err(SolveError::Cushion { thickness_mm, foam_mm: cushion.thickness_mm })
+    }
+
+    /// Deepest place (mm) of the skin in the foam.
+    fn deepest(&self, state: &State) -> f64 {
+        let nodes = self.plates.faces.iter().flatten();
+        let depth = |n: &u32| self.paddle.indentation(&state.points[*n as usize], &state.load);
+        nodes.map(depth).fold(0.0, f64::max)
     }
 
     /// Forgets what was learnt of how body and paddle give way.
@@ -216,7 +204,7 @@ impl Press<'_> {
 
     pub fn record(&self, state: &State) -> Step {
         let axis = self.plates.axis;
-        let areas = area_vectors(&state.points, &self.plates.faces);
+        let areas = skin_around(&state.points, &self.plates.faces);
         let mut pressures = vec![0.0; state.points.len()];
         let mut sums = [0.0, 0.0];
         let mut pressing = [Vec::new(), Vec::new()];
@@ -234,13 +222,20 @@ impl Press<'_> {
         let on_paddle = &pressing[1];
         let sum = |sum: f64, area: f64| sum + area;
         let contact_area = on_paddle.iter().map(|p| p.face_area(&axis)).fold(0.0, sum);
-        let front_area = on_paddle.iter().map(|p| p.front_area(&axis)).fold(0.0, sum);
+        let away = self.plates.away;
+        let upright = |front: bool| {
+            let here = on_paddle.iter().filter(|p| p.is_front(&axis, &away) == front);
+            here.map(|p| p.upright_area(&axis)).fold(0.0, sum)
+        };
         let place = |p: &Pressing| &state.points[p.node as usize];
         let deflections =
             on_paddle.iter().map(|p| self.paddle.deflection(place(p), &state.load).abs());
+        let nodes = self.plates.faces.iter().flatten();
+        let bulge = |n: &u32| self.paddle.bulge(&state.points[*n as usize], &state.load);
+        let bulge_mm = nodes.map(bulge).fold(0.0, f64::max);
         let gaps = on_paddle
             .iter()
-            .filter(|p| !p.is_front(&axis))
+            .filter(|p| !p.is_upright(&axis))
             .map(|p| self.paddle.gap(place(p), &state.load));
         let gaps_mm = gaps.fold(None, |ends: Option<[f64; 2]>, gap| {
             let [low, high] = ends.unwrap_or([gap; 2]);
@@ -255,11 +250,13 @@ impl Press<'_> {
             tilt_rad: state.load.tilt_rad + tilt,
             roll_rad,
             deflection_mm: deflections.fold(0.0, f64::max),
+            bulge_mm,
             gaps_mm: gaps_mm.unwrap_or([state.load.thickness_mm; 2]),
             paddle_force_mn,
             receptor_force_mn,
             contact_area_mm2: contact_area,
-            front_area_mm2: front_area,
+            front_area_mm2: upright(true),
+            edge_area_mm2: upright(false),
             mean_pressure_kpa: if contact_area > 0.0 {
                 paddle_force_mn / contact_area
             } else {

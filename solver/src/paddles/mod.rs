@@ -1,19 +1,30 @@
 //! Plates that press: one file each.
 //!
-//! Every paddle is a rigid flat plate with a rounded edge, or that plate with its surface lifted by
+//! Every paddle is a rigid flat plate with rounded edges, or that plate with its surface lifted by
 //! a few millimetres as a function of the place on it: by its own shape, and by coordinates that
-//! the body pushes at, such as a bending or a tilt. Lifts are small against the plate.
+//! the body pushes at, such as a bending or a tilt. Lifts are small against the plate. Where a plate
+//! ends is no lift: [`Outline`] has an exact distance, for the surface is upright there.
 
+pub mod biopsy;
+pub mod cad;
 pub mod curved;
+pub mod cushion;
 pub mod elastic;
 pub mod hinge;
+pub mod outline;
 pub mod rigid;
+pub mod spot;
 pub mod tilting;
 
+pub use biopsy::Biopsy;
+pub use cad::{CadError, CadPaddle, HeightField};
 pub use curved::CurvedPlate;
+pub use cushion::Cushion;
 pub use elastic::{ElasticPlate, PlateError, Sheet, Support};
 pub use hinge::Hinge;
+pub use outline::{Outline, RoundedRectangle};
 pub use rigid::RoundedPlate;
+pub use spot::{Spot, SpotShape};
 pub use tilting::Gimbal;
 
 use std::{fmt::Debug, sync::Arc};
@@ -73,6 +84,8 @@ pub enum Paddle {
     Rigid,
     /// Flat, tilts about an axis along the chest-wall edge.
     Flex(Hinge),
+    /// Flat, under a layer of foam.
+    Cushioned(Cushion),
     /// Anything else.
     Lifted(Arc<dyn Lift>),
 }
@@ -82,7 +95,15 @@ impl Paddle {
     pub fn hinge(&self) -> Option<Hinge> {
         match self {
             Self::Flex(hinge) => Some(*hinge),
-            Self::Rigid | Self::Lifted(_) => None,
+            Self::Rigid | Self::Cushioned(_) | Self::Lifted(_) => None,
+        }
+    }
+
+    /// The foam on it.
+    pub fn cushion(&self) -> Option<Cushion> {
+        match self {
+            Self::Cushioned(cushion) => Some(*cushion),
+            Self::Rigid | Self::Flex(_) | Self::Lifted(_) => None,
         }
     }
 
@@ -95,7 +116,7 @@ impl Paddle {
     pub fn lift(&self) -> Option<&Arc<dyn Lift>> {
         match self {
             Self::Lifted(lift) => Some(lift),
-            Self::Rigid | Self::Flex(_) => None,
+            Self::Rigid | Self::Flex(_) | Self::Cushioned(_) => None,
         }
     }
 }

@@ -6,6 +6,10 @@
 //! d >= 0 (Wriggers, *Computational contact mechanics* (2006), § 6.3, § 10.3). The penalty k only
 //! sets the speed: the multipliers are updated until gaps and penetrations are below tolerance.
 //! Along the surface there is [`super::friction`].
+//!
+//! A surface under a [`Foam`] of stiffness k (kPa/mm) is no such constraint: a node that lies in it
+//! costs a ½ k d² with `a` the area of it that the skin around the node covers now. That area lags
+//! behind, as friction does, until it changes no more.
 
 use super::friction::{Hold, Response, Slip};
 use super::{At, Block, ContactCheck, Curvature, Order};
@@ -38,6 +42,48 @@ pub enum Opening {
     Free,
 }
 
+/// Least part of the skin around a node that a surface is taken to touch.
+const LEAST_FACING: f64 = 0.25;
+
+/// Deformed skin (mm²) around a node.
+#[derive(Default)]
+pub(crate) struct Skin {
+    area: f64,
+    vector: Vec3,
+}
+
+impl Skin {
+    /// Area of a surface with this normal that the skin covers. Pressures are those on the surface:
+    /// they add up to its force whether or not the skin is folded under it.
+    pub fn facing(&self, normal: Vec3) -> f64 {
+        self.vector.dot(&normal).max(LEAST_FACING * self.area)
+    }
+}
+
+/// Skin around each node of some faces.
+pub(crate) fn skin_around(points: &[Vec3], faces: &[[u32; 3]]) -> BTreeMap<u32, Skin> {
+    let mut skins: BTreeMap<u32, Skin> = BTreeMap::new();
+    for face in faces {
+        let [a, b, c] = face.map(|n| points[n as usize]);
+        let third = (b - a).cross(&(c - a)) / 6.0;
+        for &n in face {
+            let skin = skins.entry(n).or_default();
+            skin.area += third.norm();
+            skin.vector += third;
+        }
+    }
+    skins
+}
+
+/// A layer of springs on a surface.
+#[derive(Debug, Clone)]
+struct Foam {
+    /// Pressure by indentation (kPa/mm).
+    stiffness: f64,
+    /// Faces that may press on it.
+    faces: Vec<[u32; 3]>,
+}
+
 /// Where a node is with respect to the surface that it touches.
 pub(super) struct Touch {
     /// Distance (mm), negative inside.
@@ -61,8 +107,8 @@ pub struct NodeForce {
     pub friction: Vec3,
 }
 
-/// Nodes of a body that touch a surface. The memory has the multiplier of each node and, with
-/// friction, a [`Hold`] of each.
+/// Nodes of a body that touch a surface. The memory has the multiplier of each node, or under a foam
+/// the area that it covers over its own, and with friction a [`Hold`] of each.
 #[derive(Debug, Clone)]
 pub(super) struct Contact {
     pub nodes: Vec<u32>,
@@ -70,6 +116,7 @@ pub(super) struct Contact {
     pub areas: Vec<f64>,
     pub opening: Opening,
     slip: Slip,
+    foam: Option<Foam>,
 }
 
 impl Contact {
@@ -77,7 +124,7 @@ impl Contact {
     pub fn new(points: &[Vec3], faces: &[[u32; 3]], opening: Opening) -> Self {
         let areas = node_areas(points, faces);
         let (nodes, areas) = areas.into_iter().filter(|&(_, area)| area > 0.0).unzip();
-        Self { nodes, areas, opening, slip: Slip::Free }
+        Self { nodes, areas, opening, slip: Slip::Free, foam: None }
     }
 
     /// Leaves some nodes alone.
@@ -108,6 +155,11 @@ impl Contact {
         Ok(())
     }
 
+    /// Lies under a foam of this stiffness (kPa/mm) that `faces` press on.
+    pub fn set_foam(&mut self, stiffness: f64, faces: &[[u32; 3]]) {
+        self.foam = Some(Foam { stiffness, faces: faces.to_vec() });
+    }
+
     /// Whether there is friction.
     pub fn has_friction(&self) -> bool {
         self.slip != Slip::Free
@@ -116,6 +168,25 @@ impl Contact {
     /// Penalty (kPa/mm) of a node.
     fn penalty(&self, element: usize, shear_kpa: &[f64]) -> f64 {
         PENALTY * shear_kpa[self.nodes[element] as usize] / self.areas[element].sqrt()
+    }
+
+    /// Multiplier (kPa) and stiffness (kPa/mm) along the normal, both over the node's own area.
+    fn normal_law(&self, element: usize, memory: &[f64], shear_kpa: &[f64]) -> (f64, f64) {
+        match &self.foam {
+            Some(foam) => (0.0, foam.stiffness * memory[element]),
+            None => (memory[element], self.penalty(element, shear_kpa)),
+        }
+    }
+
+    /// Area that each node covers over its own; empty without a foam.
+    fn covered(&self, points: &[Vec3], touch: impl Fn(usize) -> Touch) -> Vec<f64> {
+        let Some(foam) = &self.foam else { return Vec::new() };
+        let skins = skin_around(points, &foam.faces);
+        let one = |(element, node): (usize, &u32)| {
+            let out = unit(&touch(element).normal);
+            skins.get(node).map_or(0.0, |skin| skin.facing(-out)) / self.areas[element]
+        };
+        self.nodes.iter().enumerate().map(one).collect()
     }
 
     fn hold(&self, element: usize, memory: &[f64]) -> Hold {
@@ -128,7 +199,8 @@ impl Contact {
 
     /// Traction along the normal (kPa, negative where pressed on).
     fn traction(&self, element: usize, memory: &[f64], shear_kpa: &[f64], touch: &Touch) -> f64 {
-        let traction = memory[element] + self.penalty(element, shear_kpa) * touch.distance;
+        let (multiplier, stiffness) = self.normal_law(element, memory, shear_kpa);
+        let traction = multiplier + stiffness * touch.distance;
         match self.opening {
             Opening::Never => traction,
             Opening::Free => traction.min(0.0),
@@ -146,8 +218,8 @@ impl Contact {
     /// Energy of a node and its derivatives.
     pub fn block(&self, element: usize, at: &At, order: Order, block: &mut Block, touch: &Touch) {
         let Touch { distance, normal, curvature, .. } = touch;
-        let (area, multiplier) = (self.areas[element], at.memory[element]);
-        let penalty = self.penalty(element, at.shear_kpa);
+        let area = self.areas[element];
+        let (multiplier, penalty) = self.normal_law(element, at.memory, at.shear_kpa);
         let traction = self.traction(element, at.memory, at.shear_kpa, touch);
         block.energy = match self.opening {
             Opening::Never => area * (multiplier + 0.5 * penalty * distance) * distance,
@@ -175,9 +247,16 @@ impl Contact {
 
     /// What is remembered before anything has happened: slip counts from where nodes touch, and the
     /// normal pressure is taken for `pressure` (kPa; infinite when not known).
-    pub fn first_memory(&self, pressure: f64, touch: impl Fn(usize) -> Touch) -> Vec<f64> {
+    pub fn first_memory(
+        &self,
+        points: &[Vec3],
+        pressure: f64,
+        touch: impl Fn(usize) -> Touch,
+    ) -> Vec<f64> {
         let length = if self.has_friction() { Hold::LENGTH } else { 0 };
         let mut memory = vec![0.0; self.nodes.len() * (1 + length)];
+        let covered = self.covered(points, &touch);
+        memory[..covered.len()].copy_from_slice(&covered);
         if self.has_friction() {
             for (element, memory) in self.holds(&mut memory).enumerate() {
                 let touch = touch(element);
@@ -192,12 +271,21 @@ impl Contact {
     pub fn check(&self, at: &At, touch: impl Fn(usize) -> Touch) -> ContactCheck {
         let mut check = ContactCheck::default();
         let (mut lag, mut pressing) = (0.0, f64::MIN_POSITIVE);
+        let covered = self.covered(at.points, &touch);
         for element in 0..self.nodes.len() {
             let touch = touch(element);
             let traction = self.traction(element, at.memory, at.shear_kpa, &touch);
-            check.penetration_mm = check.penetration_mm.max(-touch.distance);
-            if self.opening == Opening::Never || traction < 0.0 {
-                check.gap_mm = check.gap_mm.max(touch.distance);
+            if let Some(covered) = covered.get(element) {
+                // The force is in proportion to the area that is covered.
+                let share = covered / at.memory[element].max(f64::MIN_POSITIVE);
+                let force = self.areas[element] * traction.abs() * touch.normal.norm();
+                lag += force * (share - 1.0).abs();
+                pressing += force;
+            } else {
+                check.penetration_mm = check.penetration_mm.max(-touch.distance);
+                if self.opening == Opening::Never || traction < 0.0 {
+                    check.gap_mm = check.gap_mm.max(touch.distance);
+                }
             }
             if self.has_friction() {
                 let (pressure, normal) = pressure(traction, &touch.normal);
@@ -213,19 +301,30 @@ impl Contact {
         check
     }
 
-    /// Renews multipliers and what friction takes of the normal direction.
-    pub fn update(&self, shear_kpa: &[f64], memory: &mut [f64], touch: impl Fn(usize) -> Touch) {
+    /// Renews multipliers, areas under a foam, and what friction takes of the normal direction.
+    pub fn update(
+        &self,
+        points: &[Vec3],
+        shear_kpa: &[f64],
+        memory: &mut [f64],
+        touch: impl Fn(usize) -> Touch,
+    ) {
+        let covered = self.covered(points, &touch);
+        memory[..covered.len()].copy_from_slice(&covered);
         for element in 0..self.nodes.len() {
             let touch = touch(element);
-            memory[element] = self.traction(element, memory, shear_kpa, &touch);
-            self.renew(element, memory, &touch);
+            let traction = self.traction(element, memory, shear_kpa, &touch);
+            if self.foam.is_none() {
+                memory[element] = traction;
+            }
+            self.renew(element, traction, memory, &touch);
         }
     }
 
-    /// Renews what friction takes of the normal direction.
-    fn renew(&self, element: usize, memory: &mut [f64], touch: &Touch) {
+    /// Renews what friction takes of the normal direction, at a traction (kPa).
+    fn renew(&self, element: usize, traction: f64, memory: &mut [f64], touch: &Touch) {
         if self.has_friction() {
-            let (pressure, normal) = pressure(memory[element], &touch.normal);
+            let (pressure, normal) = pressure(traction, &touch.normal);
             let mut hold = self.hold(element, memory);
             hold.renew(pressure, normal);
             hold.write(&mut memory[self.nodes.len() + Hold::LENGTH * element..][..Hold::LENGTH]);
@@ -249,7 +348,7 @@ impl Contact {
             let touch = touch(element);
             let force = gradient[self.nodes[element] as usize].dot(&touch.normal);
             memory[element] = -force / (self.areas[element] * touch.normal.norm_squared());
-            self.renew(element, memory, &touch);
+            self.renew(element, memory[element], memory, &touch);
         }
     }
 

@@ -4,8 +4,8 @@ use super::contact::{Contact, Touch};
 use super::{At, Block, ContactCheck, Load, NodeForce, Opening, Order, Slip, Term};
 use crate::materials::MaterialError;
 use crate::model::ModelError;
-use crate::paddles::{AT_REST, Lift, Place, Pose, RoundedPlate, hinge::Tilted};
-use mammotwin_data::Vec3;
+use crate::paddles::{AT_REST, Cushion, Lift, Pose, RoundedPlate, hinge::Tilted};
+use mammotwin_data::{Mat3, Vec3};
 use std::sync::Arc;
 
 /// Which of the two plates.
@@ -25,17 +25,8 @@ pub struct Plate {
     contact: Contact,
     /// Distance (mm) of the axis that the plate tilts about from its edge.
     axis_mm: f64,
-    lifted: Option<Lifted>,
-}
-
-/// A plate whose surface is not flat.
-#[derive(Debug, Clone)]
-struct Lifted {
-    lift: Arc<dyn Lift>,
-    /// Unit vector along the chest-wall edge.
-    along: Vec3,
-    /// Coordinate of the plate's middle along it (mm).
-    middle_mm: f64,
+    lift: Option<Arc<dyn Lift>>,
+    cushion: Option<Cushion>,
 }
 
 impl Plate {
@@ -43,7 +34,7 @@ impl Plate {
     /// (mm).
     pub fn new(kind: PlateKind, shape: RoundedPlate, points: &[Vec3], faces: &[[u32; 3]]) -> Self {
         let contact = Contact::new(points, faces, Opening::Free);
-        Self { kind, shape, contact, axis_mm: 0.0, lifted: None }
+        Self { kind, shape, contact, axis_mm: 0.0, lift: None, cushion: None }
     }
 
     /// The same plate, which resists slip from where the nodes are at the first load.
@@ -62,11 +53,16 @@ impl Plate {
         self
     }
 
-    /// The same plate, whose surface is lifted by [`Load::pose`] when it is the paddle; its middle
-    /// is at `middle_mm` along away × into (mm).
-    pub fn lifted(mut self, lift: Arc<dyn Lift>, middle_mm: f64) -> Self {
-        let along = self.shape.away.cross(&self.shape.into);
-        self.lifted = Some(Lifted { lift, along, middle_mm });
+    /// The same plate, whose surface is lifted by [`Load::pose`] when it is the paddle.
+    pub fn lifted(mut self, lift: Arc<dyn Lift>) -> Self {
+        self.lift = Some(lift);
+        self
+    }
+
+    /// The same plate under a layer of foam that `faces` press on.
+    pub fn cushioned(mut self, cushion: Cushion, faces: &[[u32; 3]]) -> Self {
+        self.contact.set_foam(cushion.stiffness_kpa_per_mm(), faces);
+        self.cushion = Some(cushion);
         self
     }
 
@@ -84,18 +80,24 @@ impl Plate {
     }
 
     fn touch(&self, element: usize, points: &[Vec3], load: &Load) -> Touch {
-        let (point, level) = (&points[self.contact.nodes[element] as usize], self.level(load));
-        let (distance, normal, curvature) = match (self.tilted(load), self.bent()) {
+        let point = &points[self.contact.nodes[element] as usize];
+        let (distance, normal, curvature) = self.distance(point, load);
+        // Points of a plate that tilts or bends move along its normal, to first order: slip knows
+        // not of it.
+        let place = point - self.level(load) * self.shape.into;
+        Touch { distance, normal, curvature, place }
+    }
+
+    fn distance(&self, point: &Vec3, load: &Load) -> (f64, Vec3, Mat3) {
+        let level = self.level(load);
+        match (self.tilted(load), self.bent()) {
             (Some(Tilted { shape, level_mm, .. }), _) => shape.distance(point, level_mm),
-            (None, Some(lifted)) => {
-                let bend = lifted.lift.bend(lifted.place(&self.shape, point), &load.pose);
+            (None, Some(lift)) => {
+                let bend = lift.bend(self.shape.place(point), &load.pose);
                 self.shape.lifted_distance(point, level, &bend)
             }
             (None, None) => self.shape.distance(point, level),
-        };
-        // Points of a plate that tilts or bends move along its normal, to first order: slip knows
-        // not of it.
-        Touch { distance, normal, curvature, place: point - level * self.shape.into }
+        }
     }
 
     fn tilted(&self, load: &Load) -> Option<Tilted> {
@@ -104,43 +106,64 @@ impl Plate {
         tilts.then(tilted)
     }
 
-    fn bent(&self) -> Option<&Lifted> {
-        self.lifted.as_ref().filter(|_| self.kind == PlateKind::Paddle)
+    fn bent(&self) -> Option<&dyn Lift> {
+        self.lift.as_deref().filter(|_| self.kind == PlateKind::Paddle)
     }
 
     /// Force (mN) of the body on the plate along each of its coordinates.
     pub fn push(&self, at: &At) -> Pose {
         let mut push = AT_REST;
-        let Some(lifted) = self.bent() else { return push };
+        let Some(lift) = self.bent() else { return push };
         for force in self.node_forces(at) {
             let point = &at.points[force.node as usize];
-            let place = lifted.place(&self.shape, point);
-            let (level, bend) = (self.level(&at.load), lifted.lift.bend(place, &at.load.pose));
+            let place = self.shape.place(point);
+            let (level, bend) = (self.level(&at.load), lift.bend(place, &at.load.pose));
             // The force is along the gradient of the distance, whose length is not one.
             let gradient = self.shape.lifted_distance(point, level, &bend).1;
             let flat = self.shape.distance(point, level + bend.value).1;
             let size = force.normal.dot(&gradient) / gradient.norm_squared();
             let outwards = -size * flat.dot(&self.shape.into);
-            for (sum, weight) in push.iter_mut().zip(lifted.lift.weights(place)) {
+            for (sum, weight) in push.iter_mut().zip(lift.weights(place)) {
                 *sum += outwards * weight;
             }
         }
         push
     }
 
-    /// How far (mm) bending, tilt and roll have lifted a point's place on the plate.
+    /// How far (mm) bending, tilt, roll and foam give way at a point's place on the plate.
     pub fn deflection(&self, point: &Vec3, load: &Load) -> f64 {
         let rest = Load { tilt_rad: 0.0, pose: AT_REST, ..*load };
-        self.gap(point, load) - self.gap(point, &rest)
+        self.rise(point, load) - self.rise(point, &rest) + self.indentation(point, load)
     }
 
     /// Distance (mm) of paddle and receptor at a point's place on the plates.
     pub fn gap(&self, point: &Vec3, load: &Load) -> f64 {
-        let away = self.shape.away.dot(point) - self.shape.edge_mm;
-        let lift = self.bent().map_or(0.0, |lifted| {
-            lifted.lift.bend(lifted.place(&self.shape, point), &load.pose).value
-        });
-        load.thickness_mm + lift - (away - self.axis_mm) * load.tilt_rad.tan()
+        load.thickness_mm + self.rise(point, load) + self.indentation(point, load)
+    }
+
+    /// How far (mm) the surface lies above the plate's level.
+    fn rise(&self, point: &Vec3, load: &Load) -> f64 {
+        let place = self.shape.place(point);
+        let lift = self.bent().map_or(0.0, |lift| lift.bend(place, &load.pose).value);
+        lift - (place[1] - self.axis_mm) * load.tilt_rad.tan()
+    }
+
+    /// How far (mm) a point lies in the foam.
+    pub fn indentation(&self, point: &Vec3, load: &Load) -> f64 {
+        if self.cushion.is_none() {
+            return 0.0;
+        }
+        (-self.distance(point, load).0).max(0.0)
+    }
+
+    /// How far (mm) a point stands out beyond the surface beside the plate or in its window; zero
+    /// elsewhere.
+    pub fn bulge(&self, point: &Vec3, load: &Load) -> f64 {
+        if !self.shape.outline.is_open(self.shape.place(point)) {
+            return 0.0;
+        }
+        let height = self.shape.into.dot(point) - self.level(load);
+        (height - self.rise(point, load)).max(0.0)
     }
 
     /// Torque (mN mm) of the body on the plate about its axis, positive when it turns the side of
@@ -158,12 +181,6 @@ impl Plate {
     /// Force (mN) of the plate on each node that it touches.
     pub fn node_forces(&self, at: &At) -> Vec<NodeForce> {
         self.contact.forces(at, |element| self.touch(element, at.points, &at.load))
-    }
-}
-
-impl Lifted {
-    fn place(&self, shape: &RoundedPlate, point: &Vec3) -> Place {
-        [self.along.dot(point) - self.middle_mm, shape.away.dot(point) - shape.edge_mm]
     }
 }
 
@@ -202,7 +219,7 @@ impl Term for Plate {
     }
 
     fn first_memory(&self, points: &[Vec3], load: Load) -> Vec<f64> {
-        self.contact.first_memory(0.0, |element| self.touch(element, points, &load))
+        self.contact.first_memory(points, 0.0, |element| self.touch(element, points, &load))
     }
 
     fn contact(&self, at: &At) -> Option<ContactCheck> {
@@ -216,7 +233,8 @@ impl Term for Plate {
         load: Load,
         memory: &mut [f64],
     ) {
-        self.contact.update(shear_kpa, memory, |element| self.touch(element, points, &load));
+        self.contact
+            .update(points, shear_kpa, memory, |element| self.touch(element, points, &load));
     }
 
     fn accept(&self, points: &[Vec3], load: Load, memory: &mut [f64]) {

@@ -88,8 +88,9 @@ impl Term for Sliding {
     }
 
     /// At rest nothing is known of the normal pressure: nodes stick until it is.
-    fn first_memory(&self, _points: &[Vec3], _load: Load) -> Vec<f64> {
-        self.contact.first_memory(f64::INFINITY, |element| self.touch(element, &self.anchors))
+    fn first_memory(&self, points: &[Vec3], _load: Load) -> Vec<f64> {
+        self.contact
+            .first_memory(points, f64::INFINITY, |element| self.touch(element, &self.anchors))
     }
 
     fn contact(&self, at: &At) -> Option<ContactCheck> {
@@ -103,7 +104,7 @@ impl Term for Sliding {
         _load: Load,
         memory: &mut [f64],
     ) {
-        self.contact.update(shear_kpa, memory, |element| self.touch(element, points));
+        self.contact.update(points, shear_kpa, memory, |element| self.touch(element, points));
     }
 
     fn accept(&self, points: &[Vec3], _load: Load, memory: &mut [f64]) {

@@ -8,7 +8,10 @@ use super::{
 };
 use crate::materials::Law;
 use crate::mesh::quadratic::QuadraticMesh;
-use crate::paddles::{CurvedPlate, ElasticPlate, Gimbal, Lift, RoundedPlate, Sheet, Support};
+use crate::paddles::{
+    CurvedPlate, Cushion, ElasticPlate, Gimbal, HeightField, Lift, Outline, RoundedPlate,
+    RoundedRectangle, Sheet, Support,
+};
 use mammotwin_data::{
     Vec3,
     labels::Tissue,
@@ -203,6 +206,8 @@ const SLANTED: RoundedPlate = RoundedPlate {
     away: Vec3::new(0.0, -0.8, 0.6),
     edge_mm: -6.0,
     radius_mm: 7.0,
+    middle_mm: 1.5,
+    outline: Outline::ENDLESS,
 };
 
 #[test]
@@ -289,7 +294,7 @@ fn a_plate_that_is_lifted() {
     let (points, shear_kpa, pressure) = (&moved(&mesh)[..], &[0.2; 5][..], &[][..]);
     for lift in lifts {
         let plate = Plate::new(PlateKind::Paddle, SLANTED, &mesh.points, &[[0, 1, 3], [1, 4, 3]]);
-        let plate = plate.lifted(lift.clone(), 1.5);
+        let plate = plate.lifted(lift.clone());
         let mut pose = crate::paddles::AT_REST;
         pose[..3].copy_from_slice(&[0.3, -0.2, 0.1]);
         let load = Load { receptor_mm: 0.0, thickness_mm: 2.0, pose, ..Load::GRAVITY };
@@ -309,4 +314,105 @@ fn a_plate_that_is_lifted() {
         }
         assert!(lift.coordinates() == 0 || push[0] != 0.0);
     }
+}
+
+/// A wavy height field of 40 x 30 mm.
+fn wavy() -> HeightField {
+    let (count, spacing) = ([11, 9], [4.0, 3.75]);
+    let at = |n: usize| {
+        let [i, j] = [n % count[0], n / count[0]].map(|k| k as f64);
+        0.8 * (0.7 * i).sin() * (0.5 * j).cos()
+    };
+    let heights = (0..count[0] * count[1]).map(at).collect();
+    HeightField::through([-20.0, 0.0], spacing, count, heights)
+}
+
+#[test]
+fn a_plate_that_is_finite() {
+    let mesh = pair();
+    let small = RoundedRectangle::new([12.0, 11.0], 5.5, 1.0, -2.0);
+    let window = RoundedRectangle::new([8.0, 7.0], 3.0, 0.0, 6.0);
+    for outline in [
+        Outline { plate: Some(small), window: None },
+        Outline { plate: None, window: Some(window) },
+    ] {
+        let shape = RoundedPlate { outline, radius_mm: 3.0, ..SLANTED };
+        let load = Load { receptor_mm: 0.0, thickness_mm: 2.0, ..Load::GRAVITY };
+        let plate = || Plate::new(PlateKind::Paddle, shape, &mesh.points, &[[0, 1, 3], [1, 4, 3]]);
+        check_contact(&plate(), &mesh.points, load);
+        check_contact(&plate().lifted(Arc::new(wavy())), &mesh.points, load);
+        let tilted = Load { tilt_rad: 0.2, ..load };
+        check_contact(&plate().tilting(4.0), &mesh.points, tilted);
+    }
+}
+
+#[test]
+fn a_plate_under_foam_is_a_spring_by_area() {
+    let mesh = pair();
+    let faces = [[0, 1, 3], [1, 4, 3]];
+    let cushion = Cushion { thickness_mm: 5.0, young_kpa: 50.0 };
+    let load = Load { receptor_mm: 0.0, thickness_mm: 2.0, ..Load::GRAVITY };
+    for slip in [Slip::Free, Slip::Coulomb(0.3)] {
+        let plate = Plate::new(PlateKind::Paddle, SLANTED, &mesh.points, &faces);
+        let plate = plate.cushioned(cushion, &faces).slip(slip).unwrap();
+        check_contact(&plate, &mesh.points, load);
+        // Rounds change the areas alone: neither depth nor stiffness grows.
+        let (points, shear_kpa) = (&moved(&mesh)[..], &[0.2; 5][..]);
+        let mut memory = plate.first_memory(points, load);
+        let mut last = f64::NAN;
+        for _ in 0..3 {
+            plate.update_multipliers(points, shear_kpa, load, &mut memory);
+            let curvature = Curvature::Exact;
+            let at = At { points, pressure: &[], memory: &memory, shear_kpa, load, curvature };
+            let forces = plate.node_forces(&at);
+            let sum: f64 = forces.iter().map(|force| force.normal.norm()).sum();
+            assert!(sum > 0.0 && (last.is_nan() || sum == last), "{sum} after {last}");
+            last = sum;
+            for force in forces {
+                let point = &points[force.node as usize];
+                let pressure = 10.0 * plate.indentation(point, &load);
+                let area = super::contact::skin_around(points, &faces)[&force.node]
+                    .facing(-force.normal.normalize());
+                assert!((force.normal.norm() - pressure * area).abs() < 1e-9 * sum);
+            }
+            let check = plate.contact(&at).unwrap();
+            assert_eq!((check.penetration_mm, check.gap_mm), (0.0, 0.0));
+            assert!(slip != Slip::Free || check.friction_lag < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn a_height_field_passes_through_its_heights_and_has_the_derivatives_it_claims() {
+    let field = wavy();
+    let pose = &crate::paddles::AT_REST;
+    for (i, j) in [(0, 0), (3, 5), (10, 8), (0, 8)] {
+        let place = [4.0 * f64::from(i) - 20.0, 3.75 * f64::from(j)];
+        let want = 0.8 * (0.7 * f64::from(i)).sin() * (0.5 * f64::from(j)).cos();
+        assert!((field.bend(place, pose).value - want).abs() < 1e-12);
+    }
+    // On the plate, across a line of the grid, and beyond the ends.
+    for place in [[1.3, 11.0], [-4.0, 7.5], [19.7, 0.2], [26.0, 10.0], [-25.0, -9.0]] {
+        let here = field.bend(place, pose);
+        for axis in 0..2 {
+            let moved = |step: f64| {
+                let mut place = place;
+                place[axis] += step;
+                field.bend(place, pose)
+            };
+            let (up, down) = (moved(1e-5), moved(-1e-5));
+            assert!(((up.value - down.value) / 2e-5 - here.slope[axis]).abs() < 1e-8);
+            for other in 0..2 {
+                let slope = (up.slope[other] - down.slope[other]) / 2e-5;
+                assert!((slope - here.curvature[axis + other]).abs() < 1e-6);
+            }
+        }
+    }
+    // A parabola is its own spline.
+    let square = |n: usize| ((n % 6) as f64).powi(2) - 2.0 * ((n / 6) as f64).powi(2);
+    let heights = (0..36).map(square).collect();
+    let field = HeightField::through([0.0, 0.0], [1.0, 1.0], [6, 6], heights);
+    let bend = field.bend([0.3, 4.6], pose);
+    assert!((bend.value - (0.09 - 2.0 * 21.16)).abs() < 1e-12);
+    assert!((bend.curvature[0] - 2.0).abs() < 1e-12 && (bend.curvature[2] + 4.0).abs() < 1e-12);
 }

@@ -4,7 +4,7 @@ use super::Body;
 use mammotwin_data::{Vec3, mesh::Patch, progress::Silent};
 use mammotwin_solver::compress::{Closing, Compressed, Plates, Stops, compress};
 use mammotwin_solver::materials::Law;
-use mammotwin_solver::paddles::Paddle;
+use mammotwin_solver::paddles::{Outline, Paddle};
 use mammotwin_solver::terms::Bulk;
 use mammotwin_solver::{Model, Options};
 
@@ -16,6 +16,7 @@ pub struct Squeeze {
     pub law: Law,
     pub radius_mm: f64,
     pub paddle: Paddle,
+    pub outline: Outline,
     pub middle_mm: f64,
     pub friction: f64,
     pub step_mm: f64,
@@ -32,6 +33,7 @@ impl Squeeze {
             radius_mm: self.radius_mm,
             friction: self.friction,
             paddle: self.paddle.clone(),
+            outline: self.outline,
             middle_mm: self.middle_mm,
             faces: body.mesh.patch(Patch::Skin).to_vec(),
         }

@@ -162,6 +162,7 @@ mod tests {
             plates: [PlateContact::default(), PlateContact { force_mn: force, area_mm2: area }],
             thickness_mm: 30.0,
             nominal_thickness_mm: 30.0,
+            outline_mm: Vec::new(),
             to_detector: RigidTransform::identity(),
             curve: Course::default(),
             steps: Vec::new(),

@@ -130,9 +130,9 @@ pub fn face_pressures(compression: &Compression) -> Vec<Weighted> {
 
 impl Stage for Comfort {
     const NAME: &'static str = "comfort";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const METHODS: &'static str = "Comfort is described by the contact pressure by area of the plates' faces, their upright \
-         fronts apart, by the share of the force near the chest wall, by what a virtual pressure mat \
+         fronts and other edges apart, by the share of the force near the chest wall, by what a virtual pressure mat \
          shows, and by von Mises stress, largest stretch and largest logarithmic strain by volume and \
          region (after Mîra 2018, § 5.3.1); percentiles are given since maxima depend on the mesh.";
     type Input = Compression;
@@ -153,6 +153,8 @@ impl Stage for Comfort {
         add("nominal_thickness_mm", long, "mm", compression.nominal_thickness_mm, None);
         let long = "how far the paddle gives way where it is touched";
         add("deflection_mm", long, "mm", last(&curve.deflection_mm), None);
+        let long = "how far skin stands out above the paddle, beside it or in its window";
+        add("bulge_mm", long, "mm", last(&curve.bulge_mm), None);
         add("force_n", "compression force", "N", force_n, None);
         let area_mm2 = last(&curve.contact_area_mm2);
         let long = "contact area of the paddle's face";
@@ -161,15 +163,18 @@ impl Stage for Comfort {
         let long = "mean contact pressure under the paddle's face";
         add("mean_pressure_kpa", long, "kPa", mean_kpa, None);
 
-        let axis = Vec3::z();
+        let (axis, away) = (Vec3::z(), Vec3::y());
         let on_paddle: Vec<Pressing> = compression.plates[1].touched().collect();
-        let fronts = || on_paddle.iter().filter(|one| one.is_front(&axis));
-        let front_cm2 = fronts().map(|one| one.front_area(&axis)).fold(0.0, |a, b| a + b) / 100.0;
+        let fronts = || on_paddle.iter().filter(|one| one.is_front(&axis, &away));
+        let front_cm2 = fronts().map(|one| one.upright_area(&axis)).fold(0.0, |a, b| a + b) / 100.0;
         let long = "contact area of the paddle's upright front";
         add("front_area_cm2", long, "cm2", front_cm2, None);
         let front_n = fronts().map(|one| -one.force_mn.y).fold(0.0, |a, b| a + b) / NEWTON;
         let long = "force of the paddle's upright front towards the chest wall";
         add("front_force_n", long, "N", front_n, None);
+        let long = "contact area of the paddle's other upright edges: sides, rear, window";
+        let edge_cm2 = last(&curve.edge_area_mm2) / 100.0;
+        add("edge_area_cm2", long, "cm2", edge_cm2, None);
         let down = |one: &Pressing| -one.force_mn.z;
         let all: f64 = on_paddle.iter().map(down).sum();
         let near = |one: &&Pressing| {
@@ -185,14 +190,18 @@ impl Stage for Comfort {
         add("peak_pressure_kpa", "largest contact pressure", "kPa", peak, Some(77.7));
         let pressures = face_pressures(compression);
         let touched = || compression.plates.iter().flat_map(|plate| plate.touched());
-        let largest = |front: bool| {
-            let here = touched().filter(|one| one.is_front(&axis) == front);
+        let largest = |belongs: &dyn Fn(&Pressing) -> bool| {
+            let here = touched().filter(|one| belongs(one));
             here.map(|one| one.pressure_kpa()).fold(0.0, f64::max)
         };
+        let is_front = |one: &Pressing| one.is_front(&axis, &away);
+        let is_edge = |one: &Pressing| one.is_upright(&axis) && !is_front(one);
         let long = "largest contact pressure on the plates' faces";
-        add("face_peak_pressure_kpa", long, "kPa", largest(false), None);
+        add("face_peak_pressure_kpa", long, "kPa", largest(&|one| !one.is_upright(&axis)), None);
         let long = "largest contact pressure on the plates' fronts";
-        add("front_peak_pressure_kpa", long, "kPa", largest(true), None);
+        add("front_peak_pressure_kpa", long, "kPa", largest(&is_front), None);
+        let long = "largest contact pressure on the paddle's other upright edges";
+        add("edge_peak_pressure_kpa", long, "kPa", largest(&is_edge), None);
         for (share, word) in [(0.95, "p95"), (0.99, "p99")] {
             let value = percentile(pressures.clone(), share);
             let long = format!("contact pressure, {:.0} % of the faces' area", 100.0 * share);

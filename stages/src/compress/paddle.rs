@@ -2,21 +2,34 @@
 
 use mammotwin_data::{
     Failure,
-    study::{CompressPlan, CurvePlan, GimbalPlan, HingePlan, PaddleName, PlatePlan, PlateSupport},
+    study::{
+        CompressPlan, CurvePlan, CushionPlan, EDGE_RADIUS_MM, GimbalPlan, HingePlan, OutlinePlan,
+        PaddleName, PlatePlan, PlateSupport, SpotName,
+    },
+    surface::TriMesh,
     units::NEWTON,
 };
-use mammotwin_solver::paddles::{CurvedPlate, ElasticPlate, Gimbal, Hinge, Paddle, Sheet, Support};
+use mammotwin_solver::paddles::{
+    Biopsy, CadPaddle, CurvedPlate, Cushion, ElasticPlate, Gimbal, Hinge, Outline, Paddle,
+    RoundedRectangle, Sheet, Spot, SpotShape, Support,
+};
 use std::sync::Arc;
 
 /// kPa of a MPa.
 const MEGAPASCAL: f64 = 1000.0;
 
-/// The paddle that a plan names, as it describes it or with assumed numbers.
+/// The paddle that a plan names, as it describes it or with assumed numbers, and where it ends;
+/// `cad` is the surface in its file.
 ///
 /// # Errors
-/// An elastic plate without meaning.
-pub(super) fn paddle(plan: &CompressPlan) -> Result<Paddle, Failure> {
-    Ok(match plan.paddle {
+/// An elastic plate or a surface without meaning.
+pub(super) fn paddle(
+    plan: &CompressPlan,
+    cad: Option<&TriMesh>,
+) -> Result<(Paddle, Outline), Failure> {
+    let plate = plan.outline.as_ref().map(rectangle);
+    let mut outline = Outline { plate, window: None };
+    let paddle = match plan.paddle {
         PaddleName::Rigid => Paddle::Rigid,
         PaddleName::Flex => {
             let HingePlan { axis_mm, linear_n_mm_per_rad, quadratic_n_mm_per_rad2 } =
@@ -43,7 +56,52 @@ pub(super) fn paddle(plan: &CompressPlan) -> Result<Paddle, Failure> {
             let roll_mn_mm = roll_n_mm_per_rad * NEWTON;
             Paddle::Lifted(Arc::new(Gimbal { axis_mm, tilt_mn_mm, roll_mn_mm }))
         }
-    })
+        PaddleName::Spot => {
+            let spot = plan.spot.unwrap_or_default();
+            let shape = match spot.shape {
+                SpotName::Round => SpotShape::Round,
+                SpotName::Square => SpotShape::Square(spot.corner_mm),
+            };
+            let (size_mm, along_mm, away_mm) = (spot.size_mm, spot.along_mm, spot.away_mm);
+            outline = Spot { shape, size_mm, along_mm, away_mm }.outline();
+            Paddle::Rigid
+        }
+        PaddleName::Biopsy => {
+            let plan = plan.biopsy.unwrap_or_default();
+            let size = [plan.window_width_mm, plan.window_depth_mm];
+            let window = RoundedRectangle::new(size, plan.corner_mm, plan.along_mm, plan.away_mm);
+            let plate = plate.unwrap_or_else(|| rectangle(&OutlinePlan::SMALL));
+            outline = Biopsy { plate, window }.outline();
+            Paddle::Rigid
+        }
+        PaddleName::Cushion => {
+            let CushionPlan { thickness_mm, young_kpa } = plan.cushion.unwrap_or_default();
+            Paddle::Cushioned(Cushion { thickness_mm, young_kpa })
+        }
+        PaddleName::Cad => {
+            let Some(surface) = cad else {
+                let why = "compress.paddle: cad needs a file; add cad = { file = \"paddle.stl\" }";
+                return Err(Failure::BadInput(why.into()));
+            };
+            let found = from_cad(surface)?;
+            outline = found.outline;
+            Paddle::Lifted(Arc::new(found.field))
+        }
+    };
+    Ok((paddle, outline))
+}
+
+/// The paddle in a file from CAD.
+///
+/// # Errors
+/// A surface that is none.
+pub fn from_cad(surface: &TriMesh) -> Result<CadPaddle, Failure> {
+    CadPaddle::new(surface, EDGE_RADIUS_MM)
+        .map_err(|cause| Failure::BadInput(format!("compress.cad.file: {cause}")))
+}
+
+fn rectangle(plan: &OutlinePlan) -> RoundedRectangle {
+    RoundedRectangle::new([plan.width_mm, plan.depth_mm], plan.corner_mm, 0.0, 0.0)
 }
 
 fn sheet(plate: &PlatePlan) -> Sheet {

@@ -158,8 +158,15 @@ fn force_thickness(compression: &Compression) -> Curve {
             column("tilt_deg", "deg", "Tilt of the paddle", &curve.tilt_deg),
             column("roll_deg", "deg", "Roll of the paddle", &curve.roll_deg),
             column("deflection_mm", "mm", "Deflection of the paddle", &curve.deflection_mm),
+            column(
+                "bulge_mm",
+                "mm",
+                "Skin above the paddle, beside it or in its window",
+                &curve.bulge_mm,
+            ),
             column("contact_area_mm2", "mm2", "Contact area", &curve.contact_area_mm2),
             column("front_area_mm2", "mm2", "Contact area of the front", &curve.front_area_mm2),
+            column("edge_area_mm2", "mm2", "Contact area of the other edges", &curve.edge_area_mm2),
             column("mean_pressure_kpa", "kPa", "Mean contact pressure", &curve.mean_pressure_kpa),
             column(
                 "peak_pressure_kpa",

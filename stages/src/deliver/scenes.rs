@@ -87,7 +87,8 @@ fn between_plates(found: &Compression) -> Scene {
         let force_n = (10.0 * curve.force_n[n]).round() / 10.0 + 0.0;
         let label = format!("{:.1} mm, {force_n:.1} N", curve.thickness_mm[n]);
         let values = vec![at_nodes(&found.mesh, &stress), pressure, moved.collect()];
-        let plates = plates(&points, step.plates_mm, curve.tilt_deg[n] * DEGREE);
+        let tilt_rad = curve.tilt_deg[n] * DEGREE;
+        let plates = plates(&points, &found.outline_mm, step.plates_mm, tilt_rad);
         states.push(SceneState { label, points, values, plates });
     }
     Scene {
@@ -112,19 +113,27 @@ fn between_plates(found: &Compression) -> Scene {
 /// Border (mm) of the drawn plates around the breast.
 const BORDER_MM: f64 = 15.0;
 
-/// Outlines of receptor and paddle over the whole breast; the paddle is tilted about the direction
-/// of its edge.
-fn plates(points: &[Vec3], heights_mm: [f64; 2], tilt_rad: f64) -> Vec<[Vec3; 4]> {
+/// Outlines of receptor and paddle, and of its window; an endless one is drawn over the whole
+/// breast. The paddle is tilted about the direction of its edge.
+fn plates(
+    points: &[Vec3],
+    outline_mm: &[Vec<[f64; 2]>],
+    heights_mm: [f64; 2],
+    tilt_rad: f64,
+) -> Vec<Vec<Vec3>> {
     let ends = |of: fn(&Vec3) -> f64| {
         points.iter().map(of).fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)))
     };
     let ((left, right), (_, front)) = (ends(|p| p.x), ends(|p| p.y));
     let (left, right, front) = (left - BORDER_MM, right + BORDER_MM, front + BORDER_MM);
-    let outline = |height: f64, slope: f64| {
-        let corner = |x: f64, y: f64| Vec3::new(x, y, height + slope * y);
-        [corner(left, 0.0), corner(right, 0.0), corner(right, front), corner(left, front)]
+    let whole = vec![[left, 0.0], [right, 0.0], [right, front], [left, front]];
+    let raised = |polygon: &Vec<[f64; 2]>, height: f64, slope: f64| {
+        polygon.iter().map(|&[x, y]| Vec3::new(x, y, height + slope * y)).collect()
     };
-    vec![outline(heights_mm[0], 0.0), outline(heights_mm[1], -tilt_rad.tan())]
+    let paddle = if outline_mm.is_empty() { std::slice::from_ref(&whole) } else { outline_mm };
+    let mut all = vec![raised(&whole, heights_mm[0], 0.0)];
+    all.extend(paddle.iter().map(|one| raised(one, heights_mm[1], -tilt_rad.tan())));
+    all
 }
 
 /// Values of the tetrahedra at the nodes: means by volume of the stress-free shape.

@@ -68,12 +68,15 @@ pub struct Histogram {
 }
 
 /// Lines and marks of the same colour-blind safe set (Okabe and Ito 2008).
-const COLORS: [RGBColor; 5] = [
+const COLORS: [RGBColor; 8] = [
     RGBColor(0, 94, 158),
     RGBColor(200, 80, 0),
     RGBColor(0, 138, 100),
     RGBColor(178, 90, 140),
     RGBColor(90, 90, 90),
+    RGBColor(86, 180, 233),
+    RGBColor(150, 130, 0),
+    RGBColor(110, 50, 20),
 ];
 const INK: RGBColor = RGBColor(70, 70, 70);
 const GRID: RGBColor = RGBColor(226, 226, 222);

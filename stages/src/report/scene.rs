@@ -51,8 +51,8 @@ pub struct SceneState {
     pub points: Vec<Vec3>,
     /// For each quantity one number a vertex, NaN where there is none.
     pub values: Vec<Vec<f64>>,
-    /// Corners of the plates (mm), if there are any.
-    pub plates: Vec<[Vec3; 4]>,
+    /// Borders of the plates (mm), if there are any: receptor, paddle, window of the paddle.
+    pub plates: Vec<Vec<Vec3>>,
 }
 
 /// From where one looks.
@@ -124,7 +124,8 @@ impl Scene {
         }
         let indices = surface.triangles.as_flattened();
         let bytes: Vec<u8> = indices.iter().flat_map(|n| n.to_le_bytes()).collect();
-        let plate = |corners: &[Vec3; 4]| corners.map(<[f64; 3]>::from);
+        let plate =
+            |border: &Vec<Vec3>| border.iter().map(|&p| <[f64; 3]>::from(p)).collect::<Vec<_>>();
         let plates = |s: &SceneState| s.plates.iter().map(plate).collect::<Vec<_>>();
         Ok(json!({
             "title": self.title, "caption": self.caption, "along": self.along,

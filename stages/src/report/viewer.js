@@ -172,16 +172,18 @@ function paint() {
     feed(0, scene.points[0], 3);
     draw(gl.LINES, scene.edges);
   }
-  for (const plate of scene.plates[step]) {
+  for (const [which, plate] of scene.plates[step].entries()) {
     feed(0, new Float32Array(plate.flat()), 3);
     gl.disableVertexAttribArray(1);
     gl.disableVertexAttribArray(2);
     gl.uniform1f(at.lift, 0);
     gl.uniform4f(at.plain, ...(dark() ? [0.35, 0.72, 1] : [0, 0.37, 0.62]), 0.95);
-    draw(gl.LINE_LOOP, new Uint32Array([0, 1, 2, 3]));
+    draw(gl.LINE_LOOP, Uint32Array.from(plate.keys()));
+    // A window is no plate.
+    if (which > 1) continue;
     gl.depthMask(false);
     gl.uniform4f(at.plain, ...(dark() ? [0.35, 0.72, 1] : [0, 0.37, 0.62]), 0.1);
-    draw(gl.TRIANGLES, new Uint32Array([0, 1, 2, 0, 2, 3]));
+    draw(gl.TRIANGLES, Uint32Array.from(plate.slice(2).flatMap((_, n) => [0, n + 1, n + 2])));
     gl.depthMask(true);
   }
   marks(right, up, eye, scale);
