@@ -141,7 +141,7 @@ impl Stage for Discover {
     const METHODS: &'static str = "Residuals were weighed with the covariance of the errors of segmentation, registration, \
          chest wall and mesh. A score test asked for each effect of the library whether what the \
          moduli do not absorb of its signature is in the residuals; the threshold is the 99 % quantile \
-         of the largest score, and three standard deviations of systematic error in quadrature. The best effects were fitted together with the moduli, and judged on a \
+         of the largest score, and two standard deviations of systematic error in quadrature. The best effects were fitted together with the moduli, and judged on a \
          pose that the search did not see.";
     type Input = Input;
     type Output = Discovery;
