@@ -2,7 +2,7 @@
 //!
 //! The lower side is read along vertical lines through a grid and becomes a bicubic spline, which is
 //! twice continuously differentiable, so that contact sees no edges of facets. Where it is steeper
-//! than [`STEEPEST`] it is an edge and no face: the plate ends there, with the rounded edge of all
+//! than `STEEPEST` it is an edge and no face: the plate ends there, with the rounded edge of all
 //! plates. The face must be a rectangle with round corners, without holes.
 
 use super::{AT_REST, Bend, Lift, Outline, Place, Pose, RoundedRectangle};

@@ -7,7 +7,7 @@
 //! sets the speed: the multipliers are updated until gaps and penetrations are below tolerance.
 //! Along the surface there is [`super::friction`].
 //!
-//! A surface under a [`Foam`] of stiffness k (kPa/mm) is no such constraint: a node that lies in it
+//! A surface under a `Foam` of stiffness k (kPa/mm) is no such constraint: a node that lies in it
 //! costs a ½ k d² with `a` the area of it that the skin around the node covers now. That area lags
 //! behind, as friction does, until it changes no more.
 
