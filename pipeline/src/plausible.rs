@@ -66,8 +66,7 @@ pub fn findings(study: &Study, base: &Path) -> Vec<Finding> {
 fn paddle(plan: &CompressPlan, base: &Path) -> Option<Finding> {
     let path = base.join(&plan.cad.as_ref()?.file);
     let key = "compress.cad.file".to_owned();
-    let read = stl::read(&path).map_err(Failure::from);
-    let shape = read.and_then(|surface| from_cad(&surface));
+    let shape = stl::read(&path).and_then(|surface| from_cad(&surface));
     Some(match shape {
         Err(why) => {
             let text = why.to_string();

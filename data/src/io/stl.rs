@@ -7,50 +7,19 @@ use crate::{Failure, Vec3, surface::TriMesh};
 use std::{
     fs::File,
     io::{BufReader, BufWriter},
-    path::{Path, PathBuf},
+    path::Path,
 };
 
 /// Larger files are no paddle (bytes).
 const MOST_BYTES: u64 = 256 << 20;
 
-/// Why a file was not read or written, in one line.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum StlError {
-    /// The file system refused.
-    #[error("{}: {cause}", path.display())]
-    Io {
-        /// File that was touched.
-        path: PathBuf,
-        /// What the operating system said.
-        cause: String,
-    },
-    /// The content is no surface.
-    #[error("{}: {what}", path.display())]
-    Content {
-        /// File that was read.
-        path: PathBuf,
-        /// What is wrong, and how to mend it.
-        what: String,
-    },
-}
-
-impl From<StlError> for Failure {
-    fn from(error: StlError) -> Self {
-        match error {
-            StlError::Io { path, cause } => Self::Io { path, cause },
-            content => Self::BadInput(content.to_string()),
-        }
-    }
-}
-
 /// Reads a surface, in the units of the file.
 ///
 /// # Errors
-/// A file that is missing, is no STL file, is cut off, holds no triangle or a number that is not finite.
-pub fn read(path: &Path) -> Result<TriMesh, StlError> {
-    let io =
-        |error: std::io::Error| StlError::Io { path: path.to_owned(), cause: error.to_string() };
-    let content = |what: String| StlError::Content { path: path.to_owned(), what };
+/// [`Failure::Io`]; [`Failure::BadInput`] when the file is no STL file, is cut off, holds no triangle or a number that is not finite.
+pub fn read(path: &Path) -> Result<TriMesh, Failure> {
+    let io = |error: std::io::Error| Failure::io(path, error);
+    let content = |what: String| Failure::BadInput(format!("{}: {what}", path.display()));
     let file = File::open(path).map_err(io)?;
     let bytes = file.metadata().map_err(io)?.len();
     if bytes > MOST_BYTES {
@@ -77,10 +46,9 @@ pub fn read(path: &Path) -> Result<TriMesh, StlError> {
 /// Writes a surface as a binary file, in single precision.
 ///
 /// # Errors
-/// The file system refuses.
-pub fn write(path: &Path, surface: &TriMesh) -> Result<(), StlError> {
-    let io =
-        |error: std::io::Error| StlError::Io { path: path.to_owned(), cause: error.to_string() };
+/// [`Failure::Io`].
+pub fn write(path: &Path, surface: &TriMesh) -> Result<(), Failure> {
+    let io = |error: std::io::Error| Failure::io(path, error);
     let vertex = |p: Vec3| stl_io::Vertex::new([p.x as f32, p.y as f32, p.z as f32]);
     let facets: Vec<stl_io::Triangle> = (0..surface.triangles.len())
         .map(|t| {
@@ -130,11 +98,11 @@ mod tests {
     fn files_that_are_none_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.stl");
-        assert!(matches!(read(&path), Err(StlError::Io { .. })), "missing");
+        assert!(matches!(read(&path), Err(Failure::Io { .. })), "missing");
         for bytes in [&b""[..], b"PK\x03\x04 a zip", b"solid a\nendsolid a\n", &[0; 84]] {
             std::fs::write(&path, bytes).unwrap();
             let error = read(&path).expect_err("no surface");
-            assert!(matches!(error, StlError::Content { .. }), "{error}");
+            assert!(matches!(error, Failure::BadInput(_)), "{error}");
         }
         write(&path, &tetrahedron()).unwrap();
         let bytes = std::fs::read(&path).unwrap();

@@ -43,11 +43,11 @@ impl Artifact for TriMesh {
     const EXTENSION: &'static str = "stl";
 
     fn save(&self, path: &Path) -> Result<(), Failure> {
-        Ok(stl::write(path, self)?)
+        stl::write(path, self)
     }
 
     fn load(path: &Path) -> Result<Self, Failure> {
-        Ok(stl::read(path)?)
+        stl::read(path)
     }
 }
 

@@ -251,7 +251,7 @@ mod tests {
         let whitener = Whitener::new(&DMatrix::identity(3, 3), &[0], 3).unwrap();
         let projector = Projector::new(&whitener, &[]);
         for amplitude in [0.1, 0.5, 0.8] {
-            let rest = -10.0 * signature.change(amplitude) / 10.0;
+            let rest = -signature.change(amplitude);
             let explained = projector.explain(&signature, &rest);
             let (found, gain) = explained.best();
             assert!((found - amplitude).abs() < 1e-3, "{found} {amplitude}");
