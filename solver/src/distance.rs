@@ -184,18 +184,30 @@ pub struct Active<'a> {
 pub fn compare(here: Active, there: Active) -> Result<Distances, DistanceError> {
     let away = node_distances(here, there.surface)?;
     let back = node_distances(there, here.surface)?;
-    let (max, mean) = (maximum(&away), average(&away));
-    let mut ordered = away;
-    ordered.sort_unstable_by(f64::total_cmp);
-    let rank = (0.95 * ordered.len() as f64).ceil() as usize;
-    Ok(Distances {
-        min: ordered[0],
-        max,
-        mean,
-        p95: ordered[rank.saturating_sub(1)],
-        hausdorff: max.max(maximum(&back)),
-        modified_hausdorff: mean.max(average(&back)),
-    })
+    Distances::of(away, &back)
+}
+
+impl Distances {
+    /// Of the distances (mm) of one surface's nodes to the other surface, and the other way.
+    ///
+    /// # Errors
+    /// [`DistanceError::NoNode`] when either is empty.
+    pub fn of(mut away: Vec<f64>, back: &[f64]) -> Result<Self, DistanceError> {
+        let rank = (0.95 * away.len() as f64).ceil() as usize;
+        let (max, mean) = (maximum(&away), average(&away));
+        away.sort_unstable_by(f64::total_cmp);
+        let (Some(&min), false) = (away.first(), back.is_empty()) else {
+            return Err(DistanceError::NoNode);
+        };
+        Ok(Self {
+            min,
+            max,
+            mean,
+            p95: away[rank.saturating_sub(1)],
+            hausdorff: max.max(maximum(back)),
+            modified_hausdorff: mean.max(average(back)),
+        })
+    }
 }
 
 /// Distance (mm) of each active node to `surface` (eq. A.2), in the order of the nodes.

@@ -13,7 +13,7 @@ use mammotwin_data::{
 };
 use mammotwin_solver::{
     Options,
-    distance::{Active, Distances, SurfaceIndex, compare},
+    distance::{Closest, DistanceError, Distances, SurfaceIndex},
     solve,
 };
 
@@ -151,17 +151,12 @@ impl PoseTarget {
     pub fn measure(&self, solution: Solution) -> Result<PoseFit, Failure> {
         let wrong =
             |cause: &dyn std::fmt::Display| Failure::Numerics(format!("{}: {cause}", self.pose));
-        let simulated = TriMesh { points: solution.points.clone(), triangles: self.faces.clone() };
         let at: Vec<Vec3> = self.active.iter().map(|&n| solution.points[n as usize]).collect();
         let closest = self.index.closest_of(&at).map_err(|c| wrong(&c))?;
         let signed_mm = closest.iter().zip(&at).map(|(c, p)| c.signed_mm(p)).collect();
-        // The measured nodes that take part are those whose nearest simulated node does.
-        let there = self.measured_nodes(&simulated).map_err(|c| wrong(&c))?;
-        let distances = compare(
-            Active { surface: &simulated, nodes: &self.active },
-            Active { surface: &self.skin, nodes: &there },
-        )
-        .map_err(|c| wrong(&c))?;
+        let away = closest.iter().map(|c| c.distance_mm).collect();
+        let back = self.distances_back(&solution.points).map_err(|c| wrong(&c))?;
+        let distances = Distances::of(away, &back).map_err(|c| wrong(&c))?;
         Ok(PoseFit {
             pose: self.pose.clone(),
             gravity: self.gravity,
@@ -172,23 +167,28 @@ impl PoseTarget {
         })
     }
 
-    fn measured_nodes(
-        &self,
-        simulated: &TriMesh,
-    ) -> Result<Vec<u32>, mammotwin_solver::distance::DistanceError> {
-        let mut is_active = vec![false; simulated.points.len()];
+    /// Distances (mm) to the simulated skin of those measured nodes whose nearest simulated point is
+    /// among the compared ones.
+    fn distances_back(&self, points: &[Vec3]) -> Result<Vec<f64>, DistanceError> {
+        let mut is_active = vec![false; points.len()];
         for &n in &self.active {
             is_active[n as usize] = true;
         }
-        let inside = |f: &&[u32; 3]| f.iter().all(|&n| is_active[n as usize]);
-        let core: Vec<[u32; 3]> = self.faces.iter().filter(inside).copied().collect();
-        let whole = SurfaceIndex::new(simulated)?;
-        let core =
-            SurfaceIndex::new(&TriMesh { points: simulated.points.clone(), triangles: core })?;
-        let near_whole = whole.closest_of(&self.skin.points)?;
-        let near_core = core.closest_of(&self.skin.points)?;
-        let same = |n: &usize| near_core[*n].distance_mm <= near_whole[*n].distance_mm + 1e-9;
-        Ok((0..self.skin.points.len()).filter(same).map(|n| n as u32).collect())
+        let active = |n: &u32| is_active[*n as usize];
+        let core = self.faces.iter().filter(|face| face.iter().all(active)).copied().collect();
+        let core = SurfaceIndex::new(&TriMesh { points: points.to_vec(), triangles: core })?;
+        let whole =
+            SurfaceIndex::new(&TriMesh { points: points.to_vec(), triangles: self.faces.clone() })?;
+        let nearest = whole.closest_of(&self.skin.points)?;
+        let compared = |(found, p): (&Closest, &Vec3)| {
+            let face = &self.faces[found.triangle];
+            // On the rim of the compared skin the nearest point is on a face of either kind.
+            let takes_part = face.iter().all(active)
+                || face.iter().any(active)
+                    && core.closest(p).is_some_and(|c| c.distance_mm <= found.distance_mm + 1e-9);
+            takes_part.then_some(found.distance_mm)
+        };
+        Ok(nearest.iter().zip(&self.skin.points).filter_map(compared).collect())
     }
 
     /// Mean signed distance (mm) of the skin of one breast, weighted by how far it faces along

@@ -46,8 +46,15 @@ const FEWEST_MESHINGS: usize = 3;
 const FEWEST_NODES: usize = 30;
 /// A large amplitude would change residuals by so many standard deviations, if it did so in proportion.
 const LARGE: f64 = 20.0;
-/// Most that the logarithm of a modulus may go with it.
+/// The amplitude beyond the large one up to which changes with moduli that stay are known, over it.
+const FARTHER: f64 = 3.0;
+/// Most that the logarithm of a modulus may go with it, steps in which it is sought, and how near to
+/// where a calibration puts it is near enough.
 const FAR: f64 = 0.7;
+const SETTLING_STEPS: usize = 3;
+const SETTLED: f64 = 0.03;
+/// Largest part of the last step that the next one may have.
+const SLOWEST: f64 = 0.7;
 /// Change of the logarithm of a modulus, for differences.
 const SMALL_MODULUS: f64 = 0.05;
 
@@ -204,7 +211,7 @@ impl Gather {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, with their derivatives by the moduli and by the amplitude of each effect of \
          a library, and their differences to the same model on five other meshes.";
@@ -259,8 +266,7 @@ impl Stage for Gather {
         }
 
         progress.report(0.4, "errors of the reference pose");
-        let plans = (&self.model, &self.calibrate, &measured);
-        let growth = growth(mesh, &base, (&weighed, &reference), plans)?;
+        let growth = growth(mesh, &base, &experiment, (&weighed, &reference))?;
 
         progress.report(0.55, "signatures of the effects");
         let off = mean(&meshings);
@@ -288,6 +294,30 @@ impl Stage for Gather {
         let whitener = Whitener::all(&budget.covariance(&places, &meshings))
             .ok_or_else(|| Failure::Numerics("discover: errors without a covariance".into()))?;
         let projector = Projector::new(&whitener, &by_moduli);
+        // A calibration takes its part of a large change, and not in proportion.
+        let settled = |effect: &Effect, amplitude: f64, kept: &DVector<f64>| {
+            let mut at = [0.0; 2];
+            let mut found = kept.clone();
+            let mut last: Option<[f64; 2]> = None;
+            for _ in 0..SETTLING_STEPS {
+                let step = projector.fitted(&found);
+                if step.iter().all(|part| part.abs() < SETTLED) {
+                    break;
+                }
+                // With the effect a modulus does less than without: steps fall short alike.
+                let product = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
+                let ratio = last.map_or(0.0, |last| product(step, last) / product(last, last));
+                let longer = 1.0 / (1.0 - ratio.clamp(0.0, SLOWEST));
+                let next = [0, 1].map(|side| (at[side] + longer * step[side]).clamp(-FAR, FAR));
+                if next == at {
+                    break;
+                }
+                let Some(there) = change(effect, amplitude, next) else { break };
+                (at, found, last) = (next, there, Some(step));
+            }
+            tracing::debug!(effect.name, amplitude, ?at, "moduli with the effect");
+            found
+        };
         let signatures: Vec<Signature> = EFFECTS
             .into_par_iter()
             .filter_map(|effect| {
@@ -299,18 +329,21 @@ impl Stage for Gather {
                 // Where the effect hardly shows, or the model does not stand with much of it, a small
                 // change is all there is.
                 let shows = size * reach > LARGE.sqrt();
-                // A calibration takes its part of a large change, and not in proportion either.
-                let calibrated = |amplitude: f64| {
-                    projector.fitted(&(amplitude * &slope)).map(|x| x.clamp(-FAR, FAR))
-                };
                 let large = [1.0, 0.5, 0.25].map(|part| part * reach).into_iter();
-                let large = large.filter(|amplitude| shows && *amplitude > 2.0 * small).find_map(
-                    |amplitude| {
-                        Some((amplitude, change(effect, amplitude, calibrated(amplitude))?))
-                    },
-                );
+                let first = large
+                    .filter(|amplitude| shows && *amplitude > 2.0 * small)
+                    .find_map(|amplitude| Some((amplitude, change(effect, amplitude, [0.0; 2])?)));
+                let large = first
+                    .as_ref()
+                    .map(|(amplitude, much)| (*amplitude, settled(effect, *amplitude, much)));
                 let large = large.as_ref().map(|(amplitude, much)| (*amplitude, much));
-                Some(Signature::new(effect, (small, &little), large))
+                let farther = first.as_ref().and_then(|(reach, _)| {
+                    let farther = (FARTHER * reach).min(f64::max(-least, greatest));
+                    let beyond = farther > *reach;
+                    beyond.then(|| Some((farther, change(effect, farther, [0.0; 2])?)))?
+                });
+                let kept = first.clone().into_iter().chain(farther);
+                Some(Signature::new(effect, (small, &little), large, kept))
             })
             .collect();
         let found = |effect: &&Effect| signatures.iter().any(|s| s.effect.name == effect.name);

@@ -6,16 +6,12 @@
 
 use super::observe::residual;
 use crate::{
-    calibrate::{Experiment, Fit, Measured},
+    calibrate::{Experiment, Fit},
     mesh::BreastMesh,
+    model::Body,
     shape::Shape,
 };
-use mammotwin_data::{
-    Failure, Vec3,
-    mesh::Patch,
-    progress::Silent,
-    study::{CalibratePlan, ModelPlan},
-};
+use mammotwin_data::{Failure, Vec3, mesh::Patch, progress::Silent};
 use mammotwin_solver::{
     distance::SurfaceIndex,
     terms::{GridDistance, Target},
@@ -84,23 +80,28 @@ fn moved(mesh: &BreastMesh, field: &Field) -> Result<BreastMesh, Failure> {
 }
 
 /// By how much (mm per mm) an error of the reference pose grows on its way into the residuals of
-/// `base` at each weighed node of each pose.
+/// `base`, an evaluation of `experiment` on `mesh`, at each weighed node of each pose.
 ///
 /// # Errors
 /// [`Failure::Numerics`] when the model stands on hardly any reference pose with errors.
 pub(super) fn growth(
     mesh: &BreastMesh,
     base: &Fit,
+    experiment: &Experiment,
     (weighed, reference): (&[u32], &Shape),
-    (model, plan, measured): (&ModelPlan, &CalibratePlan, &Measured),
 ) -> Result<DVector<f64>, Failure> {
     let here = residual(base, weighed);
     let nodes = reference.points.len();
     let one = |seed: u64| {
         let field = Field::drawn(&mut ChaCha8Rng::seed_from_u64(seed));
         let other = moved(mesh, &field)?;
-        let experiment = Experiment::new(&other, model, plan, measured)?;
-        let Ok(fit) = experiment.evaluate(base.moduli, Some(base), &Silent, "") else {
+        // The experiment keeps its nodes: those of another one would be chosen anew.
+        let body = Body {
+            mesh: &other.mesh,
+            quadratic: other.quadratic.as_ref(),
+            ..experiment.body.clone()
+        };
+        let Ok(fit) = experiment.evaluate_as(&body, base.moduli, Some(base), &Silent, "") else {
             return Ok(None);
         };
         let error = DVector::from_iterator(nodes, reference.points.iter().map(|p| field.at(p)));
@@ -117,20 +118,17 @@ pub(super) fn growth(
         let far = (reference.points[i] - reference.points[j]).norm_squared();
         (-0.5 * far / (AVERAGE_MM * AVERAGE_MM)).exp()
     };
-    // A body may come to rest elsewhere with some of them, which is no growth of an error: the least
-    // counts. Where none does, they agree to a tenth (`tiny`).
     let growth = |row: usize| {
         let at = row / nodes * nodes;
-        let of = |(error, change): &(DVector<f64>, DVector<f64>)| {
-            let (mut there, mut given) = (0.0, 0.0);
+        let (mut there, mut given) = (0.0, 0.0);
+        for (error, change) in &found {
             for j in 0..nodes {
                 let weight = near(row - at, j);
                 there += weight * change[at + j].powi(2);
                 given += weight * error[j].powi(2);
             }
-            there / given.max(f64::MIN_POSITIVE)
-        };
-        found.iter().map(of).fold(f64::INFINITY, f64::min).sqrt()
+        }
+        (there / given.max(f64::MIN_POSITIVE)).sqrt()
     };
     Ok(DVector::from_fn(here.len(), |row, _| growth(row)))
 }

@@ -21,24 +21,31 @@ pub struct Signature {
     pub curve: DVector<f64>,
     /// The large amplitude. Beyond it changes go on in proportion.
     pub reach: f64,
+    /// Rising amplitudes and the change (mm) by each where the moduli stay: what the effect does to a
+    /// person whose tissue is as the model's.
+    pub kept: Vec<(f64, DVector<f64>)>,
 }
 
 impl Signature {
-    /// Of a small amplitude and the change (mm) by it, and a large one.
+    /// Of a small amplitude and the change (mm) by it, a large one with the moduli of a calibration,
+    /// and further ones with moduli that stay.
     pub(super) fn new(
         effect: &'static Effect,
         (small, little): (f64, &DVector<f64>),
         large: Option<(f64, &DVector<f64>)>,
+        kept: impl IntoIterator<Item = (f64, DVector<f64>)>,
     ) -> Self {
-        let slope = little / small;
-        match large {
-            Some((reach, much)) if reach > small => {
-                // Through nothing and both changes.
-                let curve = (much / reach - &slope) / (reach - small);
-                Self { effect, slope: slope - small * &curve, curve, reach }
-            }
-            _ => Self { effect, curve: DVector::zeros(slope.len()), slope, reach: small },
+        let mut slope = little / small;
+        let mut curve = DVector::zeros(slope.len());
+        let mut reach = small;
+        if let Some((far, much)) = large.filter(|(far, _)| *far > small) {
+            // Through nothing and both changes.
+            curve = (much / far - &slope) / (far - small);
+            slope -= small * &curve;
+            reach = far;
         }
+        let kept = [(small, little.clone())].into_iter().chain(kept).collect();
+        Self { effect, slope, curve, reach, kept }
     }
 
     /// The change (mm) by an amplitude.
@@ -48,7 +55,8 @@ impl Signature {
 
     /// Some of the rows.
     pub(super) fn of(&self, rows: impl Fn(&DVector<f64>) -> DVector<f64>) -> Self {
-        Self { slope: rows(&self.slope), curve: rows(&self.curve), ..*self }
+        let kept = self.kept.iter().map(|(amplitude, change)| (*amplitude, rows(change)));
+        Self { slope: rows(&self.slope), curve: rows(&self.curve), kept: kept.collect(), ..*self }
     }
 
     pub(super) fn put(&self, file: &mut hdf5::Writer) -> Result<(), Failure> {
@@ -59,6 +67,12 @@ impl Signature {
         put("slope", self.slope.as_slice(), "mm", "derivative by the amplitude")?;
         put("curve", self.curve.as_slice(), "mm", "half of the second derivative")?;
         put("reach", &[self.reach], "1", "amplitude up to which it bends")?;
+        let (amplitudes, changes): (Vec<f64>, Vec<&DVector<f64>>) =
+            self.kept.iter().map(|(amplitude, change)| (*amplitude, change)).unzip();
+        put("kept", &amplitudes, "1", "amplitudes with moduli that stay")?;
+        for (n, change) in changes.into_iter().enumerate() {
+            put(&format!("kept_{n}"), change.as_slice(), "mm", "change by such an amplitude")?;
+        }
         Ok(())
     }
 
@@ -72,11 +86,16 @@ impl Signature {
             return Ok(None);
         }
         let read = |name: &str| file.get::<f64>(&format!("{group}/{name}"));
+        let mut kept = Vec::new();
+        for (n, amplitude) in read("kept")?.into_iter().enumerate() {
+            kept.push((amplitude, DVector::from_vec(read(&format!("kept_{n}"))?)));
+        }
         Ok(Some(Self {
             effect,
             slope: DVector::from_vec(read("slope")?),
             curve: DVector::from_vec(read("curve")?),
             reach: read("reach")?.first().copied().unwrap_or_default(),
+            kept,
         }))
     }
 }
@@ -124,6 +143,22 @@ impl<'a> Projector<'a> {
         };
         let part = left.norm() / white.norm().max(f64::MIN_POSITIVE);
         (left, part)
+    }
+
+    /// The amplitude that changes residuals by a size (standard deviations) in a person whose moduli stay,
+    /// a calibration of her having taken its part; `None` when none that was tried is so large.
+    ///
+    /// Sizes between those tried are interpolated.
+    pub fn amplitude_of(&self, signature: &Signature, size: f64) -> Option<f64> {
+        let (mut from, mut below) = (0.0, 0.0);
+        for (amplitude, change) in &signature.kept {
+            let here = self.surviving(change).0.norm();
+            if here >= size {
+                return Some(from + (amplitude - from) * (size - below) / (here - below));
+            }
+            (from, below) = (*amplitude, here);
+        }
+        None
     }
 
     /// How well amplitudes of an effect explain `rest`, which survived.
@@ -192,20 +227,6 @@ impl Explained {
         (at, self.gain(at).max(0.0))
     }
 
-    /// The least amplitude whose change has a size (standard deviations), on the wider side of the
-    /// range; `None` when no plausible one has.
-    pub fn amplitude_of(&self, size: f64) -> Option<f64> {
-        let end = self.farthest();
-        let step = end / TRIED as f64;
-        let steps = (1..=TRIED).find(|&n| self.size(n as f64 * step) >= size)?;
-        let (mut low, mut high) = ((steps - 1) as f64 * step, steps as f64 * step);
-        for _ in 0..REFINED {
-            let middle = 0.5 * (low + high);
-            if self.size(middle) < size { low = middle } else { high = middle }
-        }
-        Some(high)
-    }
-
     /// Size of the change by the largest plausible amplitude.
     pub fn largest(&self) -> f64 {
         self.size(self.farthest())
@@ -231,7 +252,7 @@ mod tests {
     fn signature() -> Signature {
         let effect = Effect::named("limit_chain").unwrap();
         let [little, much] = [0.05, 0.8].map(saturating);
-        Signature::new(effect, (0.05, &little), Some((0.8, &much)))
+        Signature::new(effect, (0.05, &little), Some((0.8, &much)), [(0.8, much.clone())])
     }
 
     #[test]
@@ -257,8 +278,6 @@ mod tests {
             assert!((found - amplitude).abs() < 1e-3, "{found} {amplitude}");
             let size = explained.size(amplitude);
             assert!((gain - size * size).abs() < 1e-6);
-            let of_size = explained.amplitude_of(size).unwrap();
-            assert!((of_size - amplitude).abs() < 1e-9);
             let step = 1e-6;
             let change = signature.change(amplitude + step) - signature.change(amplitude);
             // Up to the reach, where it bends.
@@ -268,8 +287,13 @@ mod tests {
         }
         assert_eq!(projector.explain(&signature, &DVector::zeros(3)).best(), (0.0, 0.0));
         assert_eq!(projector.explain(&signature, &saturating(0.5)).best().0, 0.0);
-        let far = projector.explain(&signature, &DVector::zeros(3)).largest() + 1.0;
-        assert!(projector.explain(&signature, &DVector::zeros(3)).amplitude_of(far).is_none());
+        let largest = signature.change(0.8).norm();
+        let of = |size: f64| projector.amplitude_of(&signature, size);
+        assert!((of(largest).unwrap() - 0.8).abs() < 1e-9);
+        let little = signature.change(0.05).norm();
+        assert!((of(0.5 * little).unwrap() - 0.025).abs() < 1e-9);
+        assert!((of(0.5 * (little + largest)).unwrap() - 0.425).abs() < 1e-9);
+        assert!(of(1.01 * largest).is_none());
     }
 
     #[test]

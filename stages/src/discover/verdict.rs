@@ -164,29 +164,40 @@ impl<'a> Judge<'a> {
 
     /// Asks of each effect whether residuals (mm, all poses) have it.
     pub fn screen(&self, residual: &DVector<f64>) -> Screening {
-        let seen = |v: &DVector<f64>| part(v, &self.seen, self.evidence.nodes());
-        let signatures: Vec<Signature> =
-            self.evidence.signatures.iter().map(|signature| signature.of(seen)).collect();
-        Screening::new(&self.projector(), &seen(residual), &signatures)
+        let seen = |signature: &Signature| signature.of(|v| self.seen(v));
+        let signatures: Vec<Signature> = self.evidence.signatures.iter().map(seen).collect();
+        Screening::new(&self.projector(), &self.seen(residual), &signatures)
     }
 
     /// What the moduli leave of the seen residuals.
     fn projector(&self) -> Projector<'_> {
-        let seen = |v: &DVector<f64>| part(v, &self.seen, self.evidence.nodes());
-        let moduli: Vec<DVector<f64>> = self.evidence.by_moduli.iter().map(seen).collect();
+        let moduli: Vec<DVector<f64>> =
+            self.evidence.by_moduli.iter().map(|v| self.seen(v)).collect();
         Projector::new(&self.whitener, &moduli)
     }
 
-    /// The amplitude of each effect whose change of the seen poses, moduli fitted, has a size (standard
-    /// deviations); `None` where no plausible one has.
+    /// The amplitude of each effect that changes the seen poses by a size (standard deviations) once a
+    /// calibration took its part, in a person whose moduli are the model's; `None` where no amplitude that was
+    /// tried does.
     pub fn amplitudes_of(&self, size: f64) -> Vec<(&'static Effect, Option<f64>)> {
         let projector = self.projector();
-        let none = DVector::zeros(self.seen.len() * self.evidence.nodes());
         let amplitude = |signature: &Signature| {
-            let seen = signature.of(|v| part(v, &self.seen, self.evidence.nodes()));
-            (seen.effect, projector.explain(&seen, &none).amplitude_of(size))
+            (signature.effect, projector.amplitude_of(&signature.of(|v| self.seen(v)), size))
         };
         self.evidence.signatures.iter().map(amplitude).collect()
+    }
+
+    /// The size (standard deviations) of the change of the seen poses by an amplitude, the calibrated model
+    /// being the one without it.
+    pub fn size_of(&self, effect: &str, amplitude: f64) -> Option<f64> {
+        let signature = self.evidence.signatures.iter().find(|s| s.effect.name == effect)?;
+        let change = self.seen(&signature.change(amplitude));
+        Some(self.projector().surviving(&change).0.norm())
+    }
+
+    /// The seen part of a column of all poses.
+    fn seen(&self, all: &DVector<f64>) -> DVector<f64> {
+        part(all, &self.seen, self.evidence.nodes())
     }
 
     /// The effects to fit, as places in the evidence, and their linear amplitudes.

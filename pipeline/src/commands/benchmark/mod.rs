@@ -95,6 +95,9 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
                 Ok(evidence) => {
                     let hidden = (effect, amplitude, sigma);
                     results.extend(singles(&evidence, &null, seed, hidden, arguments.draws)?);
+                    if let Some(size) = size(&evidence, &null, seed, effect, amplitude)? {
+                        results.sized(effect.name, sigma, size);
+                    }
                 }
                 Err(Failure::Numerics(why)) => results.failed(effect.name, sigma, &why),
                 Err(other) => return Err(other),
@@ -143,9 +146,26 @@ fn severities(
     seed: u64,
     sigma: f64,
 ) -> Result<Vec<(&'static Effect, Option<f64>)>, Failure> {
-    let errors = Errors::new(null, &null.budget, RIGID)?;
-    let noisy = null.with_errors(&errors.draw(&mut ChaCha8Rng::seed_from_u64(seed)));
+    let noisy = drawn(null, null, seed)?;
     Ok(Judge::new(&noisy, HELD_OUT.name())?.amplitudes_of(sigma))
+}
+
+/// The size of what is hidden, in standard deviations of a trial, as the case's own model has it.
+fn size(
+    evidence: &Evidence,
+    null: &Evidence,
+    seed: u64,
+    effect: &Effect,
+    amplitude: f64,
+) -> Result<Option<f64>, Failure> {
+    let noisy = drawn(evidence, null, seed)?;
+    Ok(Judge::new(&noisy, HELD_OUT.name())?.size_of(effect.name, amplitude))
+}
+
+/// Evidence with one draw of errors of the budget of the volunteer without an effect.
+fn drawn(evidence: &Evidence, null: &Evidence, seed: u64) -> Result<Evidence, Failure> {
+    let errors = Errors::new(evidence, &null.budget, RIGID)?;
+    Ok(evidence.with_errors(&errors.draw(&mut ChaCha8Rng::seed_from_u64(seed))))
 }
 
 /// Verdicts on evidence with drawn errors. Each draw has its own seed.

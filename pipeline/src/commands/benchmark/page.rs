@@ -47,7 +47,7 @@ pub fn markdown(results: &Results, arguments: &BenchmarkArguments) -> String {
         "# What `discover` finds of what was hidden\n\n\
          Made by `mammotwin study discovery --preset {} --seeds {} --draws {} --images {}`. Each \
          volunteer is deformed on another, finer mesh with the effect, and analysed without it; tilted \
-         is held out. Severity counts standard deviations after the moduli took what they can. In \
+         is held out. Severity counts standard deviations of the seen poses after the moduli took what they can. In \
          *single*, *null*, *decoy* and *outside* her labels are the true ones and errors of \
          segmentation, registration and chest wall are drawn from the error budget; fits are linear. \
          *Images* go through noisy voxels, segmentation and registration with a chest wall that \
@@ -155,8 +155,9 @@ fn singles(text: &mut String, results: &Results) {
     let _ = writeln!(
         text,
         "## One hidden effect\n\n![Detected and named](detection.svg)\n\n\
-         | effect | σ | detected | best | best two | named | wrong | amplitude / truth | trials |\n\
-         |---|---|---|---|---|---|---|---|---|"
+         *σ found*: size of the hidden amplitude for the model that was calibrated to the data.\n\n\
+         | effect | σ | σ found | detected | best | best two | named | wrong | amplitude / truth | trials |\n\
+         |---|---|---|---|---|---|---|---|---|---|"
     );
     for effect in EFFECTS {
         for sigma in results.sigmas() {
@@ -168,8 +169,9 @@ fn singles(text: &mut String, results: &Results) {
             let amplitude = median(cell.iter().filter_map(|t| t.amplitude).collect());
             let _ = writeln!(
                 text,
-                "| {} | {sigma} | {} | {} | {} | {} | {} | {} | {} |",
+                "| {} | {sigma} | {} | {} | {} | {} | {} | {} | {} | {} |",
                 effect.name,
+                results.size(effect.name, sigma).map_or("–".into(), |size| format!("{size:.1}")),
                 of(Trial::detected),
                 of(|t| t.within(1)),
                 of(|t| t.within(2)),

@@ -106,6 +106,8 @@ pub struct Results {
     pub trials: Vec<Trial>,
     /// Effects and severities that no plausible amplitude has.
     pub untestable: Vec<(String, f64)>,
+    /// Sizes (standard deviations of a trial) of effects hidden at a severity, by the models of the cases.
+    pub sizes: Vec<(String, f64, f64)>,
     /// Cases without an equilibrium: effect, severity, why.
     pub failed: Vec<(String, f64, String)>,
     /// Error budgets of the cases that went through images.
@@ -121,6 +123,17 @@ impl Results {
     /// Notes a severity that no plausible amplitude has.
     pub fn untestable(&mut self, effect: &str, sigma: f64) {
         self.untestable.push((effect.into(), sigma));
+    }
+
+    /// Notes the size that a hidden effect has for the model of its case.
+    pub fn sized(&mut self, effect: &str, sigma: f64, size: f64) {
+        self.sizes.push((effect.into(), sigma, size));
+    }
+
+    /// Median size of an effect hidden at a severity, by the models of the cases.
+    pub fn size(&self, effect: &str, sigma: f64) -> Option<f64> {
+        let of = self.sizes.iter().filter(|(e, s, _)| e == effect && *s == sigma);
+        median(of.map(|(.., size)| *size).collect())
     }
 
     /// Notes a case that could not be computed.
