@@ -1,11 +1,12 @@
 //! What the command line understands.
 
 mod models;
+mod studies;
 
 pub use models::{BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments};
+pub use studies::{PaddlesArguments, PositionsArguments, SensitivityArguments, StudyCommand};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use models::IMAGE_CHAIN_HELP;
 use std::path::PathBuf;
 
 /// From a volunteer's MRI to mammography metrics.
@@ -95,79 +96,6 @@ pub enum Command {
     Man(ManArguments),
 }
 
-/// A study of a model.
-#[derive(Debug, Subcommand)]
-pub enum StudyCommand {
-    /// Dance's dose against Monte Carlo under a tilted paddle: table, chart, fitted correction
-    #[command(after_help = "Example:\n  mammotwin study dose --out runs/dose --photons 1000000")]
-    Dose(DoseArguments),
-    /// The projection of bodies with known path lengths: pictures, and how far off they are
-    #[command(after_help = "Example:\n  mammotwin study projection --out runs/projection")]
-    Projection(ProjectionArguments),
-    /// Image-chain effects hidden in simulated measured mammograms: found, named, added
-    #[command(after_help = IMAGE_CHAIN_HELP)]
-    ImageChain(ImageChainArguments),
-    /// How often `discover` names what was hidden: volunteers with hidden effects, scored
-    #[command(after_help = BENCHMARK_HELP)]
-    Discovery(BenchmarkArguments),
-    /// One breast under several paddles: comfort, image, dose; table, charts, page
-    #[command(after_help = PADDLES_EXAMPLES)]
-    Paddles(PaddlesArguments),
-    /// One breast with the paddle at several distances from the chest wall
-    #[command(after_help = POSITIONS_EXAMPLES)]
-    Positions(PositionsArguments),
-}
-
-const BENCHMARK_HELP: &str = "\
-Makes volunteers with nothing and with each effect hidden at 2, 5 and 10 standard deviations, gathers
-the evidence of each, and tries the verdict on drawn errors. With --images also whole runs from noisy
-images. What is there already is kept: a study that was cut short goes on where it ended.
-
-Examples:
-  mammotwin study discovery --out runs/discovery --seeds 7 --draws 20
-  mammotwin study discovery --out runs/discovery --seeds 7,11,13 --images 8 --minutes 120";
-
-/// The study of paddles.
-#[derive(Debug, Clone, Args)]
-pub struct PaddlesArguments {
-    /// The study
-    #[command(flatten)]
-    pub study: StudyArguments,
-    /// Paddles to compare; the first one is what the others are compared with
-    #[arg(
-        long,
-        value_name = "PADDLE",
-        value_delimiter = ',',
-        default_value = "rigid,flex,elastic,tilting,curved,spot,biopsy,cushion"
-    )]
-    pub paddles: Vec<String>,
-    /// Forces, pressures and stresses only; no mammogram, no dose
-    #[arg(long)]
-    pub no_picture: bool,
-}
-
-/// The study of positions.
-#[derive(Debug, Clone, Args)]
-pub struct PositionsArguments {
-    /// The study
-    #[command(flatten)]
-    pub study: StudyArguments,
-    /// Distances (mm) from the chest wall to the paddle's edge, the farthest first
-    #[arg(long, value_name = "MM", value_delimiter = ',', default_value = "48,40,33")]
-    pub distances: Vec<f64>,
-    /// Paddles, each at every distance
-    #[arg(
-        long,
-        value_name = "PADDLE",
-        value_delimiter = ',',
-        default_value = "elastic,rigid,flex"
-    )]
-    pub paddles: Vec<String>,
-    /// Forces, pressures and stresses only; no mammogram, no dose
-    #[arg(long)]
-    pub no_picture: bool,
-}
-
 const CHECK_HELP: &str = "\
 Looked at: every file is there and readable, landmarks lie inside of the image and on their side
 (a mirrored header), labels lie on the grid of the image, gravity agrees with the landmarks.
@@ -187,22 +115,6 @@ both.
 Examples:
   mammotwin discover study.toml
   mammotwin discover study.toml --held-out tilted --json";
-
-const PADDLES_EXAMPLES: &str = "\
-Every paddle presses the breast of the study until the study's stop rule: rigid, flex, elastic,
-tilting, curved, spot, biopsy, cushion, and cad when it is the study's own. Results that are there are
-used again; files go to studies/paddles in the output folder.
-
-Examples:
-  mammotwin study paddles study.toml
-  mammotwin study paddles study.toml --paddles rigid,flex --no-picture";
-
-const POSITIONS_EXAMPLES: &str = "\
-Results that are there are used again; files go to studies/positions in the output folder.
-
-Examples:
-  mammotwin study positions study.toml
-  mammotwin study positions study.toml --distances 20,15,10 --paddles elastic";
 
 const GC_HELP: &str = "\
 Kept are the results of the study as it is now, results whose need is not known before other

@@ -117,6 +117,25 @@ pub fn squeezes(
     ways.iter().map(one).collect()
 }
 
+/// The poses that a fit reads, but the reference pose.
+pub(crate) struct Fitted {
+    pub names: Vec<String>,
+    pub motions: Vec<Stored<Registered>>,
+    pub surfaces: Vec<Stored<PoseSurfaces>>,
+}
+
+pub(crate) fn fitted(study: &Study, poses: &BTreeMap<String, PoseOutcome>) -> Fitted {
+    let mut found = Fitted { names: Vec::new(), motions: Vec::new(), surfaces: Vec::new() };
+    for (name, pose) in poses {
+        if let (Some(registered), Use::Fit) = (&pose.registered, study.poses[name].usage) {
+            found.names.push(name.clone());
+            found.motions.push(registered.clone());
+            found.surfaces.push(pose.surfaces.clone());
+        }
+    }
+    found
+}
+
 /// From images to stress-free shape and moduli.
 fn body(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     let reference = study.reference_pose().to_owned();
@@ -145,21 +164,13 @@ fn calibrated(
 ) -> Result<(Stored<BreastMesh>, Stored<Calibration>), Failure> {
     let reference = study.reference_pose();
     let mesh = run.stage(label, &Mesh(meshing), &poses[reference].labels)?;
-    let mut fitted = Vec::new();
-    let (mut motions, mut surfaces) = (Vec::new(), Vec::new());
-    for (name, pose) in poses {
-        if let (Some(registered), Use::Fit) = (&pose.registered, study.poses[name].usage) {
-            fitted.push(name.clone());
-            motions.push(registered.clone());
-            surfaces.push(pose.surfaces.clone());
-        }
-    }
+    let Fitted { names, motions, surfaces } = fitted(study, poses);
     let calibrate = Calibrate {
         model: study.model.clone(),
         plan: study.calibrate.clone(),
         gravity: gravity(reference, &study.poses[reference])?,
         reference: reference.into(),
-        poses: fitted,
+        poses: names,
     };
     let inputs = (&mesh, &poses[reference].surfaces, &motions[..], &surfaces[..]);
     let calibration = run.stage(label, &calibrate, inputs)?;
@@ -330,7 +341,7 @@ fn provenance(run: &Run<'_>) -> Provenance {
 }
 
 /// Labels, surfaces and rigid motions of all images.
-fn images(
+pub(crate) fn images(
     study: &Study,
     reference: &str,
     run: &Run<'_>,
@@ -416,7 +427,7 @@ fn squeeze(
     Ok(Squeezed { compression, phantom, mammograms, metrics })
 }
 
-fn gravity(name: &str, pose: &Pose) -> Result<mammotwin_data::Vec3, Failure> {
+pub(crate) fn gravity(name: &str, pose: &Pose) -> Result<mammotwin_data::Vec3, Failure> {
     pose.gravity().ok_or_else(|| {
         Failure::BadInput(format!(
             "poses.{name}: no direction of gravity; give posture or gravity_in_image"

@@ -21,3 +21,4 @@ pub mod estimates;
 pub mod graph;
 pub mod plausible;
 pub mod score;
+pub mod sensitivity;

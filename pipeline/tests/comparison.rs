@@ -100,3 +100,64 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
     assert_eq!(unknown.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&unknown.stderr).contains("rigid, flex, elastic"));
 }
+
+/// Lines of a table, cell by cell under the heading.
+fn lines(path: &Path) -> Vec<BTreeMap<String, String>> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    let head: Vec<String> = lines.next().unwrap().split(',').map(String::from).collect();
+    lines
+        .map(|line| head.iter().cloned().zip(line.split(',').map(String::from)).collect())
+        .collect()
+}
+
+#[test]
+fn the_error_of_the_model_is_mapped_without_a_hole_and_only_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let volunteer = folder.path().join("volunteer");
+    let out = volunteer.to_str().unwrap();
+    printed(&["synth", "--preset", "tiny", "--seed", "7", "--poses", "prone,supine", "--out", out]);
+    let study = volunteer.join("study.toml");
+    let study = study.to_str().unwrap();
+    let asked = ["study", "sensitivity", study, "--breast", "0.2,0.4,1", "--skin", "4,20"];
+    let asked = [&asked[..], &["--fascia", "120"]].concat();
+    let said = printed(&asked);
+    assert!(said.contains("6 sets of moduli, 0 without an equilibrium"), "{said}");
+    let place = volunteer.join("out/studies/sensitivity");
+    let errors = lines(&place.join("errors.csv"));
+    assert_eq!(errors.len(), 12);
+    let of = |breast: &str, skin: &str, column: &str| -> f64 {
+        let here = |line: &&BTreeMap<String, String>| {
+            line["breast_kpa"] == breast && line["skin_kpa"] == skin && line["pose"] == "prone"
+        };
+        errors.iter().find(here).unwrap()[column].parse().unwrap()
+    };
+    for line in &errors {
+        assert!(line["round_trip_mm"].parse::<f64>().unwrap() < 0.05, "{line:?}");
+    }
+    // The volunteer's breasts are as soft as 0.2 and 0.3 kPa: stiffer ones do not sag enough.
+    for side in ["mean_right_mm", "mean_left_mm"] {
+        let [soft, middle, stiff] = ["0.2", "0.4", "1"].map(|breast| of(breast, "4", side));
+        assert!(soft < middle && middle < stiff, "{side}: {soft} {middle} {stiff}");
+        assert!(of("0.4", "20", side) > middle, "{side}");
+    }
+    let sweeps = lines(&place.join("sweeps.csv"));
+    let largest = |parameter: &str| -> Vec<f64> {
+        let own = sweeps.iter().filter(|line| line["parameter"] == parameter);
+        own.map(|line| line["max_displacement_mm"].parse().unwrap()).collect()
+    };
+    // Stiffer moves less; Poisson's ratio hardly matters (Mira 2018, fig. 3.15).
+    for parameter in ["breast", "skin"] {
+        let all = largest(parameter);
+        assert!(all.len() == 11 && all.windows(2).all(|pair| pair[1] < pair[0]), "{all:?}");
+    }
+    let poisson = largest("poisson");
+    assert!(poisson.iter().all(|mm| (mm / poisson[0] - 1.0).abs() < 0.05), "{poisson:?}");
+    let again = printed(&asked);
+    assert!(again.starts_with("0 of "), "{again}");
+    let page = fs::read_to_string(place.join("sensitivity.html")).unwrap();
+    assert!(page.matches("<svg").count() == 10, "{}", page.matches("<svg").count());
+    let refused = mammotwin(&["study", "sensitivity", study, "--skin", "4,-1"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("--skin"));
+}

@@ -25,6 +25,7 @@ pub mod register;
 pub mod report;
 pub mod results;
 pub mod segment;
+pub mod sensitivity;
 pub mod shape;
 pub mod surface;
 pub mod validate;

@@ -15,6 +15,7 @@ pub mod manual;
 pub mod projection;
 pub mod run;
 pub mod score;
+pub mod sensitivity;
 pub mod status;
 pub mod synth;
 
@@ -62,6 +63,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Study(StudyCommand::Discovery(arguments)) => benchmark::benchmark(arguments),
         Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),
         Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),
+        Command::Study(StudyCommand::Sensitivity(arguments)) => sensitivity::sensitivity(arguments),
         Command::Bids(arguments) => bids::bids(arguments),
         Command::Completions(arguments) => manual::completions(arguments),
         Command::Man(arguments) => manual::pages(arguments),

@@ -55,8 +55,9 @@ const SETTLING_STEPS: usize = 3;
 const SETTLED: f64 = 0.03;
 /// Largest part of the last step that the next one may have.
 const SLOWEST: f64 = 0.7;
-/// Change of the logarithm of a modulus, for differences.
+/// Changes of the logarithm of a modulus, for its first and second derivative.
 const SMALL_MODULUS: f64 = 0.05;
+const LARGE_MODULUS: f64 = 0.4;
 
 /// Residuals (mm) and their derivatives have the nodes of pose after pose, in one column.
 #[derive(Debug, Clone)]
@@ -78,6 +79,8 @@ pub struct Evidence {
     pub residual: DVector<f64>,
     /// Derivatives (mm) by the logarithms of the moduli, right and left.
     pub by_moduli: [DVector<f64>; 2],
+    /// Halves of their second derivatives (mm).
+    pub bends: [DVector<f64>; 2],
     /// What each effect changes.
     pub signatures: Vec<Signature>,
     /// Effects without a signature: the model has no equilibrium with them.
@@ -131,6 +134,9 @@ impl Artifact for Evidence {
         for (side, column) in ["right", "left"].iter().zip(&self.by_moduli) {
             put(&format!("by_modulus/{side}"), column, "derivative by the logarithm")?;
         }
+        for (side, column) in ["right", "left"].iter().zip(&self.bends) {
+            put(&format!("bend/{side}"), column, "half of the second derivative")?;
+        }
         for (n, column) in self.meshings.iter().enumerate() {
             put(&format!("meshings/{n}"), column, "difference to another mesh")?;
         }
@@ -161,6 +167,7 @@ impl Artifact for Evidence {
             moduli: file.json("moduli")?,
             residual: column("residual")?,
             by_moduli: [column("by_modulus/right")?, column("by_modulus/left")?],
+            bends: [column("bend/right")?, column("bend/left")?],
             signatures,
             failed: file.texts("failed")?,
             meshings,
@@ -211,7 +218,7 @@ impl Gather {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 9;
+    const VERSION: u32 = 10;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, with their derivatives by the moduli and by the amplitude of each effect of \
          a library, and their differences to the same model on five other meshes.";
@@ -275,9 +282,17 @@ impl Stage for Gather {
             moduli.right_kpa *= f64::exp(right);
             moduli.left_kpa *= f64::exp(left);
             let fit = experiment.evaluate(moduli, Some(&base), &Silent, "")?;
-            Ok::<_, Failure>((residual(&fit, &weighed) - &here) / SMALL_MODULUS)
+            Ok::<_, Failure>(residual(&fit, &weighed) - &here)
         };
-        let by_moduli = [by_modulus([SMALL_MODULUS, 0.0])?, by_modulus([0.0, SMALL_MODULUS])?];
+        let derivatives = |side: usize| {
+            let of = |part: f64| by_modulus([0, 1].map(|s| if s == side { part } else { 0.0 }));
+            let (small, large) = (of(SMALL_MODULUS)?, of(LARGE_MODULUS)?);
+            let slope = small / SMALL_MODULUS;
+            let bend = (large / LARGE_MODULUS - &slope) / (LARGE_MODULUS - SMALL_MODULUS);
+            Ok::<_, Failure>((slope - SMALL_MODULUS * &bend, bend))
+        };
+        let ((right, right_bend), (left, left_bend)) = (derivatives(0)?, derivatives(1)?);
+        let (by_moduli, bends) = ([right, left], [right_bend, left_bend]);
         let change = |effect: &Effect, amplitude: f64, [right, left]: [f64; 2]| {
             let plan = with_effect(&self.model, effect, amplitude);
             let body = Body { plan: &plan, ..experiment.body.clone() };
@@ -358,6 +373,7 @@ impl Stage for Gather {
             moduli,
             residual: here - off,
             by_moduli,
+            bends,
             signatures,
             failed,
             meshings,

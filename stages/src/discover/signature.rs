@@ -105,6 +105,10 @@ fn bent(amplitude: f64, reach: f64) -> f64 {
     amplitude.abs() * amplitude.abs().min(reach)
 }
 
+/// Steps of a calibration, and how far the logarithm of a modulus may go: up to there it bends as known.
+const CALIBRATIONS: usize = 8;
+const FARTHEST_MODULUS: f64 = 0.8;
+
 /// What is left of whitened residuals when moduli are fitted, linearly.
 pub(super) struct Projector<'a> {
     whitener: &'a Whitener,
@@ -145,14 +149,42 @@ impl<'a> Projector<'a> {
         (left, part)
     }
 
-    /// The amplitude that changes residuals by a size (standard deviations) in a person whose moduli stay,
-    /// a calibration of her having taken its part; `None` when none that was tried is so large.
+    /// How far a change (mm) is, in standard deviations, from all changes by what is fitted. `bends` are halves of the second
+    /// derivatives (mm) by what is fitted: much of an effect moves the moduli far.
+    pub fn distance(&self, change: &DVector<f64>, bends: &[DVector<f64>; 2]) -> f64 {
+        let white = self.whitener.whiten(change);
+        let bends = DMatrix::from_columns(&bends.each_ref().map(|bend| self.whitener.whiten(bend)));
+        if self.absorbed.ncols() != bends.ncols() {
+            return self.surviving(change).0.norm();
+        }
+        let mut at = DVector::zeros(bends.ncols());
+        let left = |at: &DVector<f64>| &white - &self.absorbed * at - &bends * at.component_mul(at);
+        for _ in 0..CALIBRATIONS {
+            let mut jacobian = self.absorbed.clone();
+            for (n, bend) in bends.column_iter().enumerate() {
+                jacobian.column_mut(n).axpy(2.0 * at[n], &bend, 1.0);
+            }
+            let normal = jacobian.transpose() * &jacobian;
+            let Some(factor) = normal.cholesky() else { break };
+            at += factor.solve(&(jacobian.transpose() * left(&at)));
+            at.apply(|part| *part = part.clamp(-FARTHEST_MODULUS, FARTHEST_MODULUS));
+        }
+        left(&at).norm()
+    }
+
+    /// The amplitude that is a size (standard deviations) away from all that moduli can do, in a person whose
+    /// moduli are the model's; `None` when none that was tried is.
     ///
-    /// Sizes between those tried are interpolated.
-    pub fn amplitude_of(&self, signature: &Signature, size: f64) -> Option<f64> {
+    /// Sizes between those tried are interpolated. `bends` as of [`Projector::distance`].
+    pub fn amplitude_of(
+        &self,
+        signature: &Signature,
+        bends: &[DVector<f64>; 2],
+        size: f64,
+    ) -> Option<f64> {
         let (mut from, mut below) = (0.0, 0.0);
         for (amplitude, change) in &signature.kept {
-            let here = self.surviving(change).0.norm();
+            let here = self.distance(change, bends);
             if here >= size {
                 return Some(from + (amplitude - from) * (size - below) / (here - below));
             }
@@ -288,7 +320,8 @@ mod tests {
         assert_eq!(projector.explain(&signature, &DVector::zeros(3)).best(), (0.0, 0.0));
         assert_eq!(projector.explain(&signature, &saturating(0.5)).best().0, 0.0);
         let largest = signature.change(0.8).norm();
-        let of = |size: f64| projector.amplitude_of(&signature, size);
+        let straight = [DVector::zeros(3), DVector::zeros(3)];
+        let of = |size: f64| projector.amplitude_of(&signature, &straight, size);
         assert!((of(largest).unwrap() - 0.8).abs() < 1e-9);
         let little = signature.change(0.05).norm();
         assert!((of(0.5 * little).unwrap() - 0.025).abs() < 1e-9);
@@ -304,5 +337,22 @@ mod tests {
         let (left, part) = projector.surviving(&DVector::from_vec(vec![3.0, 4.0, 0.0]));
         assert!((left - DVector::from_vec(vec![0.0, 4.0, 0.0])).norm() < 1e-12);
         assert!((part - 0.8).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_calibration_follows_moduli_that_bend() {
+        let whitener = Whitener::new(&DMatrix::identity(3, 3), &[0], 3).unwrap();
+        let column = |v: [f64; 3]| DVector::from_row_slice(&v);
+        let moduli = [column([2.0, 0.0, 0.0]), column([0.0, 3.0, 0.0])];
+        let bends = [column([0.0, 0.0, 1.5]), column([0.0, 0.5, 0.0])];
+        let projector = Projector::new(&whitener, &moduli);
+        let of = |r: f64, l: f64| {
+            r * &moduli[0] + r * r * &bends[0] + l * &moduli[1] + l * l * &bends[1]
+        };
+        // What moduli do is no distance, however far they go; straight on, something would be left.
+        assert!(projector.distance(&of(0.5, -0.4), &bends) < 1e-6);
+        assert!(projector.surviving(&of(0.5, -0.4)).0.norm() > 0.3);
+        let beside = of(0.0, 0.3) + column([0.0, 0.0, 0.7]);
+        assert!((projector.distance(&beside, &bends) - 0.7).abs() < 0.01);
     }
 }

@@ -181,8 +181,10 @@ impl<'a> Judge<'a> {
     /// tried does.
     pub fn amplitudes_of(&self, size: f64) -> Vec<(&'static Effect, Option<f64>)> {
         let projector = self.projector();
+        let bends = self.evidence.bends.each_ref().map(|v| self.seen(v));
         let amplitude = |signature: &Signature| {
-            (signature.effect, projector.amplitude_of(&signature.of(|v| self.seen(v)), size))
+            let seen = signature.of(|v| self.seen(v));
+            (signature.effect, projector.amplitude_of(&seen, &bends, size))
         };
         self.evidence.signatures.iter().map(amplitude).collect()
     }

@@ -285,7 +285,7 @@ fn draw_bars<'a>(
 }
 
 /// A number as short as it can be.
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     let rounded = (value * 1e6).round() / 1e6;
     // No minus before a zero.
     format!("{}", rounded + 0.0)

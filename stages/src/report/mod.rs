@@ -7,6 +7,7 @@
 pub mod chart;
 pub mod discovery;
 pub mod group;
+pub mod heat;
 mod html;
 pub mod mammogram;
 pub mod palette;

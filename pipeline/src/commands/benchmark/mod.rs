@@ -95,6 +95,18 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
                 Ok(evidence) => {
                     let hidden = (effect, amplitude, sigma);
                     results.extend(singles(&evidence, &null, seed, hidden, arguments.draws)?);
+                    // Once more with fits of the model itself, without drawn errors.
+                    if !late() || case.has("discover") {
+                        let truth = Some((effect.name, amplitude));
+                        let found = case.discovery()?;
+                        results.extend([Trial::new(
+                            Tier::Refit,
+                            seed,
+                            truth,
+                            sigma,
+                            &found.verdict,
+                        )]);
+                    }
                     if let Some(size) = size(&evidence, &null, seed, effect, amplitude)? {
                         results.sized(effect.name, sigma, size);
                     }

@@ -11,6 +11,8 @@ pub enum Tier {
     Decoy,
     /// One effect hidden.
     Single,
+    /// One effect hidden, no errors drawn, nonlinear fits.
+    Refit,
     /// One effect hidden, a library that lacks it.
     Outside,
     /// Through images, segmentation and registration.

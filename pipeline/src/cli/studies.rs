@@ -1,0 +1,137 @@
+//! Studies: many runs for one question.
+
+use super::models::IMAGE_CHAIN_HELP;
+use super::{
+    BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments, StudyArguments,
+};
+use clap::{Args, Subcommand};
+
+/// A study of a model.
+#[derive(Debug, Subcommand)]
+pub enum StudyCommand {
+    /// Dance's dose against Monte Carlo under a tilted paddle: table, chart, fitted correction
+    #[command(after_help = "Example:\n  mammotwin study dose --out runs/dose --photons 1000000")]
+    Dose(DoseArguments),
+    /// The projection of bodies with known path lengths: pictures, and how far off they are
+    #[command(after_help = "Example:\n  mammotwin study projection --out runs/projection")]
+    Projection(ProjectionArguments),
+    /// Image-chain effects hidden in simulated measured mammograms: found, named, added
+    #[command(after_help = IMAGE_CHAIN_HELP)]
+    ImageChain(ImageChainArguments),
+    /// How often `discover` names what was hidden: volunteers with hidden effects, scored
+    #[command(after_help = BENCHMARK_HELP)]
+    Discovery(BenchmarkArguments),
+    /// One breast under several paddles: comfort, image, dose; table, charts, page
+    #[command(after_help = PADDLES_EXAMPLES)]
+    Paddles(PaddlesArguments),
+    /// One breast with the paddle at several distances from the chest wall
+    #[command(after_help = POSITIONS_EXAMPLES)]
+    Positions(PositionsArguments),
+    /// What each tissue does under gravity, and the error of the model over all moduli
+    #[command(after_help = SENSITIVITY_HELP)]
+    Sensitivity(SensitivityArguments),
+}
+
+const SENSITIVITY_HELP: &str = "\
+Puts gravity from behind on the reference pose over Poisson's ratio and the moduli of breast, skin and
+fascia, then finds the stress-free shape and all fitted poses for every set of moduli. Each row of sets is
+kept when it is done: a study that was cut short goes on where it ended. Files go to
+studies/sensitivity in the output folder.
+
+Examples:
+  mammotwin study sensitivity study.toml
+  mammotwin study sensitivity study.toml --breast 0.2,0.3,0.4 --skin 2,4,8 --fascia 120";
+
+/// The study of sensitivities.
+#[derive(Debug, Clone, Args)]
+pub struct SensitivityArguments {
+    /// The study
+    #[command(flatten)]
+    pub study: StudyArguments,
+    /// Young's moduli of both breasts (kPa)
+    #[arg(
+        long,
+        value_name = "KPA",
+        value_delimiter = ',',
+        default_value = "0.15,0.2,0.25,0.3,0.4,0.5,0.6,0.8,1"
+    )]
+    pub breast: Vec<f64>,
+    /// Young's moduli of the skin (kPa)
+    #[arg(long, value_name = "KPA", value_delimiter = ',', default_value = "2,3,4,6,8,12,20")]
+    pub skin: Vec<f64>,
+    /// Young's moduli of the fascia (kPa)
+    #[arg(long, value_name = "KPA", value_delimiter = ',', default_value = "50,80,120,160,250")]
+    pub fascia: Vec<f64>,
+    /// Gravity from behind only
+    #[arg(long)]
+    pub no_map: bool,
+    /// The error of the model only
+    #[arg(long)]
+    pub no_sweeps: bool,
+}
+
+const BENCHMARK_HELP: &str = "\
+Makes volunteers with nothing and with each effect hidden at 2, 5 and 10 standard deviations, gathers
+the evidence of each, and tries the verdict on drawn errors. With --images also whole runs from noisy
+images. What is there already is kept: a study that was cut short goes on where it ended.
+
+Examples:
+  mammotwin study discovery --out runs/discovery --seeds 7 --draws 20
+  mammotwin study discovery --out runs/discovery --seeds 7,11,13 --images 8 --minutes 120";
+
+/// The study of paddles.
+#[derive(Debug, Clone, Args)]
+pub struct PaddlesArguments {
+    /// The study
+    #[command(flatten)]
+    pub study: StudyArguments,
+    /// Paddles to compare; the first one is what the others are compared with
+    #[arg(
+        long,
+        value_name = "PADDLE",
+        value_delimiter = ',',
+        default_value = "rigid,flex,elastic,tilting,curved,spot,biopsy,cushion"
+    )]
+    pub paddles: Vec<String>,
+    /// Forces, pressures and stresses only; no mammogram, no dose
+    #[arg(long)]
+    pub no_picture: bool,
+}
+
+/// The study of positions.
+#[derive(Debug, Clone, Args)]
+pub struct PositionsArguments {
+    /// The study
+    #[command(flatten)]
+    pub study: StudyArguments,
+    /// Distances (mm) from the chest wall to the paddle's edge, the farthest first
+    #[arg(long, value_name = "MM", value_delimiter = ',', default_value = "48,40,33")]
+    pub distances: Vec<f64>,
+    /// Paddles, each at every distance
+    #[arg(
+        long,
+        value_name = "PADDLE",
+        value_delimiter = ',',
+        default_value = "elastic,rigid,flex"
+    )]
+    pub paddles: Vec<String>,
+    /// Forces, pressures and stresses only; no mammogram, no dose
+    #[arg(long)]
+    pub no_picture: bool,
+}
+
+const PADDLES_EXAMPLES: &str = "\
+Every paddle presses the breast of the study until the study's stop rule: rigid, flex, elastic,
+tilting, curved, spot, biopsy, cushion, and cad when it is the study's own. Results that are there are
+used again; files go to studies/paddles in the output folder.
+
+Examples:
+  mammotwin study paddles study.toml
+  mammotwin study paddles study.toml --paddles rigid,flex --no-picture";
+
+const POSITIONS_EXAMPLES: &str = "\
+Results that are there are used again; files go to studies/positions in the output folder.
+
+Examples:
+  mammotwin study positions study.toml
+  mammotwin study positions study.toml --distances 20,15,10 --paddles elastic";
