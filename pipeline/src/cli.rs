@@ -4,7 +4,9 @@ mod models;
 mod studies;
 
 pub use models::{BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments};
-pub use studies::{PaddlesArguments, PositionsArguments, SensitivityArguments, StudyCommand};
+pub use studies::{
+    PaddlesArguments, PositionsArguments, SensitivityArguments, StiffeningArguments, StudyCommand,
+};
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;

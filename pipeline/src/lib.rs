@@ -22,3 +22,4 @@ pub mod graph;
 pub mod plausible;
 pub mod score;
 pub mod sensitivity;
+pub mod stiffening;

@@ -161,3 +161,64 @@ fn the_error_of_the_model_is_mapped_without_a_hole_and_only_once() {
     assert_eq!(refused.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&refused.stderr).contains("--skin"));
 }
+
+/// Writes the study of a volunteer again, with elements of a size, pressed from the prone shape.
+fn meshed(study: &Path, size_mm: f64, name: &str) -> String {
+    let text = fs::read_to_string(study).unwrap();
+    let sized = text.replace("size_mm = 15.0", &format!("size_mm = {size_mm:.1}"));
+    assert_ne!(sized, text);
+    let text = sized.replace("paddle = \"rigid\"", "paddle = \"rigid\"\nstart_pose = \"prone\"");
+    let path = study.with_file_name(name);
+    fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+#[ignore = "three minutes: fifteen compressions on a finer mesh"]
+fn a_hidden_stretch_limit_and_place_lie_in_the_intervals_of_another_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let volunteer = folder.path().join("volunteer");
+    let out = volunteer.to_str().unwrap();
+    printed(&["synth", "--preset", "tiny", "--seed", "7", "--poses", "prone,supine", "--out", out]);
+    let study = volunteer.join("study.toml");
+    let truth = meshed(&study, 11.0, "truth.toml");
+    let model = meshed(&study, 8.0, "model.toml");
+    let hidden = (1.3, 13.0);
+    // What the unit showed: Jm and place of the truth, read off with errors.
+    let asked = folder.path().join("asked.csv");
+    fs::write(&asked, "thickness_mm,force_n\n50,1\n").unwrap();
+    let asked = asked.to_str().unwrap();
+    let [far, near] = ["truth", "model"].map(|name| folder.path().join(name));
+    let run = |study: &str, out: &Path, more: &[&str]| {
+        let out = out.to_str().unwrap();
+        printed(&[&["study", "stiffening", study, "--out", out], more].concat())
+    };
+    run(&truth, &far, &["--record", asked, "--jm", "1.3", "--distances", "13"]);
+    let course: Vec<[f64; 2]> = lines(&far.join("studies/stiffening/curves.csv"))
+        .iter()
+        .map(|line| [&line["thickness_mm"], &line["force_n"]].map(|cell| cell.parse().unwrap()))
+        .collect();
+    let at = |h: f64| {
+        let n = course.windows(2).position(|pair| pair[0][0] >= h && pair[1][0] <= h).unwrap();
+        let [from, to] = [course[n], course[n + 1]];
+        from[1] + (from[0] - h) / (from[0] - to[0]) * (to[1] - from[1])
+    };
+    let errors = [0.03, -0.02, 0.01, -0.03, 0.02, 0.0, -0.01, 0.02];
+    let mut record = String::from("thickness_mm,force_n\n");
+    for (h, error) in [70.0, 66.0, 62.0, 59.0, 56.0, 53.0, 51.0, 50.0].into_iter().zip(errors) {
+        record += &format!("{h},{:.5}\n", at(h) * (1.0 + error));
+    }
+    let path = folder.path().join("record.csv");
+    fs::write(&path, record).unwrap();
+    let errors = ["--force-error-n", "0.005", "--thickness-error-mm", "0.3"];
+    let grid = ["--jm", "0.7,1,1.4,2,3", "--distances", "11,13,15"];
+    let said =
+        run(&model, &near, &[&["--record", path.to_str().unwrap()][..], &errors, &grid].concat());
+    let weights = lines(&near.join("studies/stiffening/posterior.csv"));
+    let number = |line: &BTreeMap<String, String>, name: &str| line[name].parse::<f64>().unwrap();
+    for (column, truth) in [("jm", hidden.0), ("chest_wall_distance_mm", hidden.1)] {
+        let below = weights.iter().filter(|line| number(line, column) < truth);
+        let part: f64 = below.map(|line| number(line, "weight")).sum();
+        assert!((0.05..0.95).contains(&part), "{column}: {part}\n{said}");
+    }
+}

@@ -5,6 +5,7 @@ use super::{
     BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments, StudyArguments,
 };
 use clap::{Args, Subcommand};
+use std::path::PathBuf;
 
 /// A study of a model.
 #[derive(Debug, Subcommand)]
@@ -30,6 +31,47 @@ pub enum StudyCommand {
     /// What each tissue does under gravity, and the error of the model over all moduli
     #[command(after_help = SENSITIVITY_HELP)]
     Sensitivity(SensitivityArguments),
+    /// Jₘ and the place of the paddle from a record of force and thickness: posterior of both
+    #[command(after_help = STIFFENING_HELP)]
+    Stiffening(StiffeningArguments),
+}
+
+const STIFFENING_HELP: &str = "\
+Compresses the breast of the study for every Jₘ and every distance of the paddle from the chest wall, and
+weighs them by the record: a CSV table thickness_mm,force_n, or the one point of [records.SIDE]. Results
+that are there are used again; files go to studies/stiffening in the output folder.
+
+Examples:
+  mammotwin study stiffening study.toml --record curve.csv
+  mammotwin study stiffening study.toml --jm 0.7,1,1.4,2,3 --distances 10,15,20";
+
+/// The study of stiffening.
+#[derive(Debug, Clone, Args)]
+pub struct StiffeningArguments {
+    /// The study
+    #[command(flatten)]
+    pub study: StudyArguments,
+    /// Record: CSV table thickness_mm,force_n [default: records of the study]
+    #[arg(long, value_name = "CURVE.csv")]
+    pub record: Option<PathBuf>,
+    /// Jₘ of the breast (Gent)
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "0.7,1,1.4,2,3,5")]
+    pub jm: Vec<f64>,
+    /// Distances (mm) from the chest wall to the paddle's edge
+    #[arg(long, value_name = "MM", value_delimiter = ',', default_value = "10,15,20,30")]
+    pub distances: Vec<f64>,
+    /// Error of a force in proportion (%)
+    #[arg(long, value_name = "PERCENT", default_value_t = 3.0)]
+    pub force_error_percent: f64,
+    /// Error of a force (N)
+    #[arg(long, value_name = "N", default_value_t = 0.5)]
+    pub force_error_n: f64,
+    /// Error of a thickness (mm)
+    #[arg(long, value_name = "MM", default_value_t = 1.0)]
+    pub thickness_error_mm: f64,
+    /// Error of all forces of the model alike (%): mesh, moduli, friction
+    #[arg(long, value_name = "PERCENT", default_value_t = 20.0)]
+    pub model_error_percent: f64,
 }
 
 const SENSITIVITY_HELP: &str = "\

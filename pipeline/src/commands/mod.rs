@@ -17,6 +17,7 @@ pub mod run;
 pub mod score;
 pub mod sensitivity;
 pub mod status;
+pub mod stiffening;
 pub mod synth;
 
 use crate::{
@@ -64,6 +65,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),
         Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),
         Command::Study(StudyCommand::Sensitivity(arguments)) => sensitivity::sensitivity(arguments),
+        Command::Study(StudyCommand::Stiffening(arguments)) => stiffening::stiffening(arguments),
         Command::Bids(arguments) => bids::bids(arguments),
         Command::Completions(arguments) => manual::completions(arguments),
         Command::Man(arguments) => manual::pages(arguments),

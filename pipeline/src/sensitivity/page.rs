@@ -232,13 +232,13 @@ fn maps(map: &ErrorMap, rows: &[Errors]) -> Vec<(String, String, HeatMap)> {
                 let pose = here.and_then(|(_, p)| p.poses.iter().find(|p| p.pose == pose));
                 pose.and_then(|pose| pose.mean_mm[side]).unwrap_or(f64::NAN)
             };
-            let panel = |&fascia: &f64| HeatPanel {
-                title: format!("fascia {fascia} kPa"),
-                values: skins
+            let panel = |&fascia: &f64| {
+                let values = skins
                     .iter()
                     .flat_map(|&skin| map.breast_kpa.iter().map(move |&b| (skin, b)))
                     .map(|(skin, breast)| value(skin, fascia, breast))
-                    .collect(),
+                    .collect();
+                HeatPanel::least(format!("fascia {fascia} kPa"), values)
             };
             let mut panels: Vec<HeatPanel> = fascias.iter().map(panel).collect();
             let alike = panels.windows(2).all(|pair| same(&pair[0].values, &pair[1].values));

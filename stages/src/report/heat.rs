@@ -29,8 +29,26 @@ pub struct HeatMap {
 pub struct HeatPanel {
     /// Heading.
     pub title: String,
-    /// Row after row; NaN where there is no number. The smallest is framed.
+    /// Row after row; NaN where there is no number.
     pub values: Vec<f64>,
+    /// Place of the value that is framed.
+    pub framed: Option<usize>,
+}
+
+impl HeatPanel {
+    /// A panel whose smallest value is framed.
+    pub fn least(title: String, values: Vec<f64>) -> Self {
+        let finite = values.iter().enumerate().filter(|(_, value)| value.is_finite());
+        let framed = finite.min_by(|a, b| a.1.total_cmp(b.1)).map(|(place, _)| place);
+        Self { title, values, framed }
+    }
+
+    /// A panel whose largest value is framed.
+    pub fn most(title: String, values: Vec<f64>) -> Self {
+        let finite = values.iter().enumerate().filter(|(_, value)| value.is_finite());
+        let framed = finite.max_by(|a, b| a.1.total_cmp(b.1)).map(|(place, _)| place);
+        Self { title, values, framed }
+    }
 }
 
 const INK: RGBColor = RGBColor(60, 60, 60);
@@ -79,7 +97,6 @@ fn draw_panel<'a>(
     let middle = |(x, y): (i32, i32)| (x + CELL.0 / 2, y + CELL.1 / 2);
     let center = (HPos::Center, VPos::Center);
     area.draw_text(&panel.title, &at((HPos::Left, VPos::Center), 20), (left, top / 2))?;
-    let best = panel.values.iter().copied().filter(|v| v.is_finite()).fold(f64::INFINITY, f64::min);
     for row in 0..rows {
         for column in 0..columns {
             let Some(&value) = panel.values.get(row * columns + column) else { continue };
@@ -96,8 +113,7 @@ fn draw_panel<'a>(
             area.draw_text(&text, &style, middle(from))?;
         }
     }
-    let framed = panel.values.iter().position(|&value| value == best);
-    if let Some(place) = framed.filter(|_| columns > 0) {
+    if let Some(place) = panel.framed.filter(|_| columns > 0) {
         let (x, y) = corner(place % columns, place / columns);
         let frame = [(x + 2, y + 2), (x + CELL.0 - 2, y + CELL.1 - 2)];
         area.draw(&Rectangle::new(frame, RED.stroke_width(4)))?;
@@ -128,10 +144,10 @@ mod tests {
             y_label: "skin (kPa)".into(),
             x: vec![0.2, 0.3, 0.5],
             y: vec![2.0, 4.0],
-            panels: vec![HeatPanel {
-                title: "fascia 120 kPa".into(),
-                values: vec![3.0, 1.25, 2.0, 4.0, f64::NAN, 5.0],
-            }],
+            panels: vec![HeatPanel::least(
+                "fascia 120 kPa".into(),
+                vec![3.0, 1.25, 2.0, 4.0, f64::NAN, 5.0],
+            )],
             across: 3,
         };
         let svg = heat(&map);
@@ -139,5 +155,7 @@ mod tests {
             assert!(svg.contains(text), "{text}");
         }
         assert_eq!(svg.matches("#FF0000").count(), 1);
+        assert_eq!(map.panels[0].framed, Some(1));
+        assert_eq!(HeatPanel::most(String::new(), map.panels[0].values.clone()).framed, Some(5));
     }
 }
