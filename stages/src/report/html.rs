@@ -135,8 +135,9 @@ pub(super) fn map(map: &SurfaceMap) -> Result<Figure<'_>, Failure> {
     let mm_per_pixel = (width_mm / VIEWS_WIDTH).clamp(0.2, 1.0);
     let view = |&camera: &surface::Camera| {
         let picture =
-            surface::draw(surface, values, (*palette, range), camera, mm_per_pixel, BAR_MM);
-        let image = image(&picture, camera.title());
+            surface::cut(surface, values, (*palette, range), camera, mm_per_pixel, BAR_MM);
+        let Raster { width, height, .. } = picture.picture;
+        let image = element(&picture.data_uri(), [width, height], camera.title());
         let ([left, right], title) = (camera.marks(), camera.title());
         format!(
             "<div class=\"view\">{image}<small><b>{left}</b> {title} <b>{right}</b></small></div>"
@@ -207,8 +208,11 @@ fn mammogram(report: &MammogramReport) -> minijinja::Value {
 }
 
 fn image(picture: &Raster, text: &str) -> String {
-    let Raster { width, height, .. } = picture;
-    let (address, text) = (picture.data_uri(), escaped(text));
+    element(&picture.data_uri(), [picture.width, picture.height], text)
+}
+
+fn element(address: &str, [width, height]: [usize; 2], text: &str) -> String {
+    let text = escaped(text);
     format!("<img src=\"{address}\" width=\"{width}\" height=\"{height}\" alt=\"{text}\">")
 }
 
