@@ -48,10 +48,11 @@ pub fn render(input: &ReportInput) -> Result<String, Failure> {
         None => None,
         Some(part) => Some(fit(&part.facts, &part.curves, &part.maps)?),
     };
-    let fitted = |part: &Option<FitReport>| match part {
-        None => Ok(None),
-        Some(part) => fit(&part.facts, &part.charts, &part.maps).map(Some),
-    };
+    let fitted = |part: &FitReport| fit(&part.facts, &part.charts, &part.maps);
+    let mut validations = Vec::new();
+    for (pose, part) in &input.validations {
+        validations.push(context! { pose => pose, part => fitted(part)? });
+    }
     let page = context! {
         subject => input.subject,
         summary => input.summary,
@@ -60,8 +61,8 @@ pub fn render(input: &ReportInput) -> Result<String, Failure> {
         legend => legend(),
         poses => poses,
         mesh => mesh,
-        calibration => fitted(&input.calibration)?,
-        validation => fitted(&input.validation)?,
+        calibration => input.calibration.as_ref().map(fitted).transpose()?,
+        validations => validations,
         compression => compression,
         mammograms => input.mammograms.iter().map(mammogram).collect::<Vec<_>>(),
         metrics => input.metrics.iter().map(Row::new).collect::<Vec<_>>(),

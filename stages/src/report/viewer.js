@@ -360,8 +360,14 @@ canvas.addEventListener("pointerleave", () => { part("tip").hidden = true; });
 new ResizeObserver(redraw).observe(stage);
 // At once, since a page that is printed waits for no frame.
 document.addEventListener("themechange", paint);
-for (const [word, on] of [["beforeprint", true], ["afterprint", false]])
-  addEventListener(word, () => { root.classList.toggle("paper", on); paint(); });
+// What is printed is a copy, as what is drawn last may not be on the screen yet.
+for (const [word, on] of [["beforeprint", true], ["afterprint", false]]) addEventListener(word, () => {
+  root.classList.toggle("paper", on);
+  paint();
+  const copy = part("print");
+  [copy.width, copy.height] = on ? [canvas.width, canvas.height] : [1, 1];
+  if (on) copy.getContext("2d").drawImage(canvas, 0, 0);
+});
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 choose(0);
 paint();
