@@ -149,6 +149,8 @@ fn two_volunteers_become_derivatives_and_a_group() {
     assert_eq!(told["Manual"], false);
     let image = "sub-02/ses-a/anat/sub-02_ses-a_acq-supine_T1w.nii.gz";
     assert_eq!(told["Sources"], serde_json::json!([format!("bids:raw:{image}")]));
+    let told = json(&out.join("desc-tissues_dseg.json"));
+    assert!(told["Description"].is_string() && told["SpatialReference"] == "orig");
     let labels = table(&out.join("desc-tissues_dseg.tsv"));
     let found = nifti::read_labels(&out.join(supine).with_extension("nii.gz")).unwrap();
     for tissue in &found.values {

@@ -93,7 +93,7 @@ pub fn describe(out: &Path, bids: &Path) -> Result<(), Failure> {
     });
     write(&out.join("dataset_description.json"), &format!("{description:#}\n"))?;
     let ignored =
-        "work/\n*.html\n*_results.h5\n*_mammogram.*\n*_metrics.*\n*_status.json\n*_xfm.txt\n";
+        "work\n*.html\n*_results.h5\n*_mammogram.*\n*_metrics.*\n*_status.json\n*_xfm.txt\n";
     write(&out.join(".bidsignore"), ignored)?;
     write(&out.join("README.md"), README)?;
     let mut labels = String::from("index\tname\tcolor\n");
@@ -102,7 +102,12 @@ pub fn describe(out: &Path, bids: &Path) -> Result<(), Failure> {
         let name = name.as_ref().and_then(|name| name.as_str()).unwrap_or_default();
         labels += &format!("{}\t{name}\t{color}\n", tissue.label());
     }
-    write(&out.join("desc-tissues_dseg.tsv"), &labels)
+    write(&out.join("desc-tissues_dseg.tsv"), &labels)?;
+    let told = json!({
+        "Description": "Tissues of the breasts and behind them",
+        "SpatialReference": "orig",
+    });
+    write(&out.join("desc-tissues_dseg.json"), &format!("{told:#}\n"))
 }
 
 /// The way from one folder to another, as a relative address.
@@ -127,14 +132,12 @@ fn address(name: &[u8]) -> String {
     name.iter().map(part).collect()
 }
 
-/// What a segmentation is, of which image, and whether a person edited it.
+/// Of which image a segmentation is, and whether a person edited it; the rest is told of all at once.
 fn segmentation(participant: &Participant, pose: &str, edited: bool) -> Option<String> {
     let image = participant.poses.get(pose)?.strip_prefix(&participant.bids).ok()?;
     let parts = image.components().map(|part| address(part.as_os_str().as_encoded_bytes()));
     let told = json!({
-        "Description": format!("Tissues in the image of the pose {pose}"),
         "Manual": edited,
-        "SpatialReference": "orig",
         "Sources": [format!("bids:{RAW}:{}", parts.collect::<Vec<_>>().join("/"))],
     });
     Some(format!("{told:#}\n"))
