@@ -68,8 +68,9 @@ fn applying(folder: &Path, image: &str) -> Result<Option<PathBuf>, Failure> {
         }
         let path = folder.join(name);
         if let Some(other) = &found {
-            let why = format!("applies to {image} as well as {}", other.display());
-            return Err(refuse(&path, format!("{why}; BIDS allows one in a folder")));
+            let other = other.display();
+            let why = format!("applies to {image} as well as {other}; BIDS allows one in a folder");
+            return Err(refuse(&path, why));
         }
         found = Some(path);
     }
