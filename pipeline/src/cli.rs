@@ -184,7 +184,7 @@ pub struct StudyArguments {
 /// The demonstration.
 #[derive(Debug, Clone, Args)]
 pub struct DemoArguments {
-    /// Kind of volunteer: small; tiny, coarse and quick, shows only that all works
+    /// Kind of volunteer: small; large; tiny, coarse and quick, shows only that all works
     #[arg(long, default_value = "small")]
     pub preset: String,
     /// Folder of the volunteer; the results go to `out` in it
@@ -195,7 +195,7 @@ pub struct DemoArguments {
 /// A digital volunteer.
 #[derive(Debug, Clone, Args)]
 pub struct SynthArguments {
-    /// Kind of volunteer: small, large
+    /// Kind of volunteer: small; large; tiny, coarse and quick; sliding, tiny with a chest wall that slides
     #[arg(long, default_value = "small")]
     pub preset: String,
     /// Which person of that kind
@@ -204,7 +204,8 @@ pub struct SynthArguments {
     /// Edges of the voxels (mm): one number or three [default: those of the preset]
     #[arg(long, value_name = "MM", value_delimiter = ',')]
     pub voxel_mm: Vec<f64>,
-    /// Poses to scan; supine is always among them [default: all]
+    /// Poses to scan: supine, prone, tilted, upright; supine is always among them [default: all]. Without
+    /// prone the study fits no moduli
     #[arg(long, value_name = "POSE", value_delimiter = ',')]
     pub poses: Vec<String>,
     /// Give the truth an effect that the study does not have; without a number half of the

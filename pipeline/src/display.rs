@@ -1,12 +1,13 @@
 //! Shows a run on standard error: a bar for the stage at work, or plain lines without a terminal.
 
 use crate::{cli::one_line, commands::status::size};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressState, ProgressStyle};
 use mammotwin_data::{
     progress::Progress,
     store::{Event, Listener, Record},
 };
 use std::{
+    fmt::Write,
     io::IsTerminal,
     path::Path,
     sync::{
@@ -35,6 +36,14 @@ pub fn say(text: &str) {
 fn tell(text: &str) {
     if !QUIET.load(Ordering::Relaxed) {
         eprintln!("{text}");
+    }
+}
+
+/// Time left, once there is something to tell it from.
+fn left(state: &ProgressState, out: &mut dyn Write) {
+    if state.pos() > 0 {
+        // Writing to a string cannot fail.
+        let _ = write!(out, ", {:#} left", HumanDuration(state.eta()));
     }
 }
 
@@ -79,11 +88,12 @@ impl Display {
         if QUIET.load(Ordering::Relaxed) {
             return;
         }
-        let style =
-            ProgressStyle::with_template("{prefix} {bar:24} {elapsed}, {eta} left  {wide_msg}");
+        let style = ProgressStyle::with_template("{prefix} {bar:24} {elapsed}{left}  {wide_msg}")
+            .expect("the template is a constant")
+            .with_key("left", left);
         let bar =
             ProgressBar::new(STEPS as u64).with_prefix(format!("[{number}/{total}] {instance}"));
-        bar.set_style(style.expect("the template is a constant"));
+        bar.set_style(style);
         bar.enable_steady_tick(Duration::from_millis(200));
         *self.bar() = Some(bar);
     }

@@ -44,6 +44,14 @@ const LABEL_MM: f64 = 0.5;
 /// What the thesis calls a limit of its own: said in every report.
 const NO_DEVICE: &str = "A research result, not a medical device; nothing here is a diagnosis.";
 
+/// Said where moduli are those of the study.
+const NOT_FITTED: &str = "No modulus was fitted: they are those that the study gives.";
+/// Said where nothing tests the model.
+const NOT_VALIDATED: &str = "No pose was held out: nothing here shows the error of the model.";
+/// Said of every compression; the measure is in `docs/credibility.md`.
+const FORCES: &str = "Forces and pressures come out far below measured ones, by about ten times on the volunteers \
+    that were compared: compare compressions with each other, and quote no absolute value.";
+
 /// Handles on what a run made.
 #[derive(Debug)]
 pub struct Outcome {
@@ -260,13 +268,12 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
         let text = study.poses[*name].warning.as_ref();
         warnings.extend(text.map(|text| format!("{name}: {text}")));
     }
-    if study.poses.len() == 1 {
-        warnings.push(
-            "One pose only: the moduli are literature values, nothing was fitted, and \
-                       no held-out pose shows the error."
-                .into(),
-        );
-    }
+    let limits = [
+        (study.calibrate.parameters.is_empty(), NOT_FITTED),
+        (validations.is_empty(), NOT_VALIDATED),
+        (part.is_some(), FORCES),
+    ];
+    warnings.extend(limits.iter().filter(|(holds, _)| *holds).map(|(_, text)| (*text).to_owned()));
     let report = Report {
         subject: study.subject.id.clone(),
         poses: names.into_iter().cloned().collect(),

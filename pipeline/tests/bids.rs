@@ -4,6 +4,7 @@
 
 use mammotwin_data::{
     io::{landmarks, nifti},
+    labels::Tissue,
     progress::Silent,
 };
 use mammotwin_stages::volunteer::{self, PoseName, Settings};
@@ -80,6 +81,10 @@ fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
     lines.map(|line| head.iter().cloned().zip(line).collect()).collect()
 }
 
+fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
 #[test]
 fn two_volunteers_become_derivatives_and_a_group() {
     let folder = tempfile::tempdir().unwrap();
@@ -92,7 +97,8 @@ fn two_volunteers_become_derivatives_and_a_group() {
         let marks = to.join(format!("sub-01_acq-{pose}_landmarks.csv"));
         fs::copy(both.join(format!("{pose}_landmarks.csv")), marks).unwrap();
     }
-    // The second one lies in a session; her landmarks are voxels in the sidecar.
+    // The second one lies in a session; her landmarks are voxels in a sidecar, which holds for what is
+    // below it.
     let one = volunteer(folder, 9, &[PoseName::Supine]);
     let to = anat(folder, "sub-02/ses-a");
     let image = to.join("sub-02_ses-a_acq-supine_T1w.nii.gz");
@@ -103,7 +109,8 @@ fn two_volunteers_become_derivatives_and_a_group() {
     let voxels: BTreeMap<&String, [f64; 3]> =
         marks.0.iter().map(|(name, p)| (name, (inverse * (p - grid.origin)).into())).collect();
     let told = serde_json::json!({ "AnatomicalLandmarkCoordinates": voxels });
-    fs::write(to.join("sub-02_ses-a_acq-supine_T1w.json"), told.to_string()).unwrap();
+    let above = to.parent().unwrap().join("sub-02_ses-a_acq-supine_T1w.json");
+    fs::write(above, told.to_string()).unwrap();
     // Of the third one nobody knows how she sat.
     let to = anat(folder, "sub-03");
     fs::copy(&image, to.join("sub-03_acq-sitting_T1w.nii.gz")).unwrap();
@@ -116,12 +123,11 @@ fn two_volunteers_become_derivatives_and_a_group() {
     assert!(said.contains("write GravityInImage (RAS) into"), "{said}");
 
     let out = folder.join("out");
-    let told: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(out.join("dataset_description.json")).unwrap())
-            .unwrap();
+    let told = json(&out.join("dataset_description.json"));
     assert_eq!(told["DatasetType"], "derivative");
     assert_eq!(told["GeneratedBy"][0]["Name"], "mammotwin");
     for name in [
+        "README.md",
         "sub-01.html",
         "sub-01/anat/sub-01_acq-prone_desc-tissues_dseg.nii.gz",
         "sub-01/anat/sub-01_from-prone_to-supine_mode-image_xfm.txt",
@@ -135,6 +141,23 @@ fn two_volunteers_become_derivatives_and_a_group() {
         assert!(out.join(name).exists(), "{name}");
     }
     assert!(!out.join("sub-03.html").exists());
+    // Every segmentation says what it is of, and what its labels are.
+    let told = json(&out.join("dataset_description.json"));
+    assert_eq!(told["DatasetLinks"]["raw"], "../data");
+    let supine = "sub-02/anat/sub-02_acq-supine_desc-tissues_dseg.json";
+    let told = json(&out.join(supine));
+    assert_eq!(told["Manual"], false);
+    let image = "sub-02/ses-a/anat/sub-02_ses-a_acq-supine_T1w.nii.gz";
+    assert_eq!(told["Sources"], serde_json::json!([format!("bids:raw:{image}")]));
+    let told = json(&out.join("desc-tissues_dseg.json"));
+    assert!(told["Description"].is_string() && told["SpatialReference"] == "orig");
+    let labels = table(&out.join("desc-tissues_dseg.tsv"));
+    let found = nifti::read_labels(&out.join(supine).with_extension("nii.gz")).unwrap();
+    for tissue in &found.values {
+        let index = tissue.label().to_string();
+        let line = labels.iter().find(|line| line["index"] == index).unwrap();
+        assert!(!line["name"].is_empty() && line["color"].len() == 7, "{line:?}");
+    }
     // Landmarks came through voxels and back.
     let again = landmarks::read(&out.join("work/sub-02/supine_landmarks.csv")).unwrap();
     for (name, place) in &marks.0 {
@@ -157,8 +180,7 @@ fn two_volunteers_become_derivatives_and_a_group() {
         let own = &table(&out.join(name))[0];
         assert!(own.len() > 20 && own.iter().all(|(name, value)| row[name] == *value), "{label}");
     }
-    let told: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(out.join("group_metrics.json")).unwrap()).unwrap();
+    let told = json(&out.join("group_metrics.json"));
     assert!(
         rows[0]
             .keys()
@@ -175,6 +197,18 @@ fn two_volunteers_become_derivatives_and_a_group() {
     assert!(done.status.success() && !error(&done).contains("segment"), "{}", error(&done));
     let again = fs::read(out.join("sub-02/sub-02_desc-mammotwin_results.h5")).unwrap();
     assert!(first == again, "the same bytes");
+
+    // Labels that a person edits: the derivatives have hers, and say so.
+    let edited = out.join("work/sub-02/out/labels/supine.nii.gz");
+    let mut labels = found;
+    let fat = labels.values.iter().position(|tissue| *tissue == Tissue::AdiposeRight).unwrap();
+    labels.values[fat] = Tissue::FibroglandularRight;
+    nifti::write_labels(&edited, &labels, nifti::Version::One).unwrap();
+    let done = bids(folder, &alone);
+    assert!(done.status.success(), "{}", error(&done));
+    assert_eq!(json(&out.join(supine))["Manual"], true);
+    let published = nifti::read_labels(&out.join(supine).with_extension("nii.gz")).unwrap();
+    assert_eq!(published.values[fat], Tissue::FibroglandularRight);
 }
 
 #[test]

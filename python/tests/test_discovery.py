@@ -75,6 +75,11 @@ def test_gaps_are_drawn(found):
     for gap in found.gaps.values():
         axes = plots.gap_map(gap, "before")
         assert gap.pose in axes.get_title()
+        # The map is painted, not grey all over: most compared nodes are corners of triangles that are compared.
+        skin = gap.before
+        values = skin.point_fields["signed_distance_mm"].values
+        painted = np.unique(skin.triangles[np.isfinite(values[skin.triangles]).all(axis=1)])
+        assert len(painted) > 0.8 * np.isfinite(values).sum()
     assert len(plots.scores(found).patches) == len(found.scores)
     with pytest.raises(ValueError, match="before"):
         plots.gap_map(gap, "later")

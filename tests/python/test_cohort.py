@@ -59,6 +59,10 @@ def test_every_participant_meets_every_paddle_at_every_distance(tmp_path):
     assert planned.returncode == 0, planned.stderr
     jobs = dict(re.findall(r"^(\w+) +(\d+)$", planned.stdout + planned.stderr, flags=re.MULTILINE))
     assert jobs == {"template": "4", "participant": "12", "group": "4", "cohort": "1", "all": "1", "total": "22"}
+    # A sidecar that holds for all is read by all.
+    (tmp_path / "bids/acq-supine_T1w.json").write_text("{}")
+    planned = run(tmp_path, "local", "--dry-run")
+    assert planned.stdout.count("bids/acq-supine_T1w.json") == 12, planned.stdout + planned.stderr
     write_cohort(tmp_path, "bids", paddle="rigid")
     refused = run(tmp_path, "local", "--dry-run")
     assert refused.returncode != 0 and "'paddle' was unexpected" in refused.stdout + refused.stderr
@@ -134,6 +138,9 @@ def test_input_and_derivatives_are_bids(volunteers):
         pytest.skip("no bids-validator-deno")
     folders = [volunteers / "bids", *(volunteers / "local/derivatives").glob("paddle-*")]
     assert len(folders) == 1 + len(DISTANCES)
+    # The cache of a run without --work-dir lies among the derivatives.
+    (folders[1] / "work/sub-01").mkdir(parents=True)
+    (folders[1] / "work/sub-01/study.toml").touch()
     for folder in folders:
         told = subprocess.run([validator, folder, "--format", "json"], capture_output=True, text=True).stdout
         issues = json.loads(told)["issues"]["issues"]

@@ -4,7 +4,6 @@ The best of some tries is taken: other work on the machine is not the program's.
 """
 
 import os
-import re
 import resource
 import shutil
 import subprocess
@@ -12,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from browser import Browser
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = Path(os.environ.get("MAMMOTWIN", ROOT / "target/release/mammotwin")).resolve()
@@ -30,12 +30,8 @@ def need_rest():
         pytest.skip(f"the machine is busy: load {os.getloadavg()[0]:.1f}")
 
 
-TELL = """<script>addEventListener("load", () => {
-  const out = document.createElement("pre");
-  out.id = "loaded";
-  out.textContent = performance.now();
-  document.body.append(out);
-});</script>"""
+#: Whether the first picture in three dimensions is there.
+DRAWN = """document.querySelector('#viewer [data-part="label"]')?.textContent.length > 0"""
 
 
 def copies(folder, count):
@@ -94,18 +90,12 @@ def processor_seconds(command, tries=20):
 
 
 def test_a_report_opens_within_two_seconds(tmp_path):
-    need_rest()
+    """From the address to the breast in three dimensions, by software rendering, in a browser that is there."""
     report = Path(RESULTS).parent / "report.html"
     if not BROWSER or not report.exists():
         pytest.skip("no Chromium, or no report")
-    page = tmp_path / "report.html"
-    text = report.read_text()
-    policy = text.index(">", text.index("Content-Security-Policy")) + 1
-    page.write_text(text[:policy] + TELL + text[policy:])
-    seconds = []
-    for number in range(3):
-        command = [BROWSER, "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-        command += [f"--user-data-dir={tmp_path / str(number)}", "--window-size=1200,900", "--dump-dom", page.as_uri()]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-        seconds.append(float(re.search(r'<pre id="loaded">([\d.]+)</pre>', done.stdout).group(1)) / 1000)
+    with Browser(BROWSER, tmp_path) as browser:
+        # Each time another address, so that the page before is not taken for it.
+        seconds = [browser.time_until(f"{report.resolve().as_uri()}?{n}", DRAWN) for n in range(3)]
+    print("opened within", *(f"{second:.2f} s" for second in seconds))
     assert min(seconds) < 2.0, seconds

@@ -3,7 +3,9 @@
 Needs Chromium (Debian: `chromium`) and a run folder, named by the environment variable MAMMOTWIN_RESULTS; skipped without.
 """
 
+import base64
 import html
+import io
 import json
 import os
 import re
@@ -11,6 +13,7 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import matplotlib.image
 import pytest
 
 RESULTS = os.environ.get("MAMMOTWIN_RESULTS")
@@ -26,7 +29,7 @@ addEventListener("load", async () => {
   try {
     const part = name => document.querySelector(`#viewer [data-part="${name}"]`);
     const canvas = part("canvas");
-    const picture = () => {
+    const picture = (canvas = part("canvas")) => {
       const flat = document.createElement("canvas");
       [flat.width, flat.height] = [canvas.width, canvas.height];
       const context = flat.getContext("2d", { willReadFrequently: true });
@@ -104,6 +107,11 @@ addEventListener("load", async () => {
     document.getElementById("theme").click();
     await wait(200);
     found.dark = paper();
+    // Printed, it is on white, a copy of its own size, and afterwards as it was.
+    dispatchEvent(new Event("beforeprint"));
+    found.printed = { ...picture(part("print")), paper: paper(), wide: part("print").width / part("print").height };
+    dispatchEvent(new Event("afterprint"));
+    found.after = [paper(), part("print").width];
     found.width = [document.documentElement.scrollWidth, innerWidth];
     found.requests = performance.getEntriesByType("resource").map(entry => entry.name).filter(name => !name.startsWith("data:"));
     found.unnamed = [...document.querySelectorAll("button, select, input")].filter(item =>
@@ -223,7 +231,20 @@ def test_values_are_said(found):
         assert found["film"] == ["brightness(1) contrast(2.5)", "40 %, 50 %"]
 
 
-def test_themes_and_widths(found):
+def test_themes_paper_and_widths(found):
     assert found["light"] != found["dark"]
+    printed = found["printed"]
+    assert printed["drawn"] > 0.05 and printed["colours"] > 20 and printed["paper"] == found["light"]
+    assert printed["wide"] == pytest.approx(640 / 300, rel=0.02)
+    assert found["after"] == [found["dark"], 1]
     content, window = found["width"]
     assert content <= window, "no sideways scrolling"
+
+
+def test_pictures_of_surfaces_have_no_ground_of_their_own(report):
+    """Their corners are transparent, so that they stand on the paper of either theme."""
+    pictures = re.findall(r'<div class="view"><img src="data:image/png;base64,([^"]+)"', report.read_text())
+    assert len(pictures) >= 6
+    for picture in pictures:
+        pixels = matplotlib.image.imread(io.BytesIO(base64.b64decode(picture)), format="png")
+        assert pixels.shape[2] == 4 and pixels[0, 0, 3] == 0 and pixels[..., 3].max() == 1

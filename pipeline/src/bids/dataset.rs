@@ -1,5 +1,9 @@
 //! Finds the participants of a BIDS folder and writes the study of each.
 
+use super::{
+    names, refuse,
+    sidecar::{self, beside},
+};
 use mammotwin_data::{
     Failure, Vec3,
     io::{landmarks, nifti},
@@ -23,36 +27,8 @@ pub struct Participant {
     pub label: String,
     /// Image of each pose.
     pub poses: BTreeMap<String, PathBuf>,
-}
-
-/// What a sidecar says of an image.
-#[derive(Debug, Default, Deserialize)]
-struct Sidecar {
-    /// Voxels, from 0, in the order of the file.
-    #[serde(rename = "AnatomicalLandmarkCoordinates", default)]
-    landmarks: BTreeMap<String, [f64; 3]>,
-    /// Direction of gravity, RAS.
-    #[serde(rename = "GravityInImage")]
-    gravity: Option<[f64; 3]>,
-}
-
-fn refuse(path: &Path, why: impl std::fmt::Display) -> Failure {
-    Failure::BadInput(format!("{}: {why}", path.display()))
-}
-
-/// Names in a folder, sorted.
-fn names(folder: &Path) -> Result<Vec<String>, Failure> {
-    let entries = fs::read_dir(folder).map_err(|cause| match cause.kind() {
-        std::io::ErrorKind::NotFound => refuse(folder, "no such folder"),
-        _ => Failure::io(folder, cause),
-    })?;
-    let mut names = Vec::new();
-    for entry in entries {
-        let entry = entry.map_err(|cause| Failure::io(folder, cause))?;
-        names.push(entry.file_name().to_string_lossy().into_owned());
-    }
-    names.sort();
-    Ok(names)
+    /// The BIDS folder that they lie in.
+    pub bids: PathBuf,
 }
 
 /// The labels of all participants, or those that are wanted, in the order of the folder.
@@ -113,23 +89,7 @@ pub fn participant(bids: &Path, label: &str) -> Result<Participant, Failure> {
         let why = "no image of a pose; name it sub-LABEL_acq-POSE_T1w.nii.gz in anat/";
         return Err(refuse(&folder, why));
     }
-    Ok(Participant { label: label.to_owned(), poses })
-}
-
-/// A path with another ending than `.nii` or `.nii.gz`.
-fn beside(image: &Path, ending: &str) -> PathBuf {
-    let name = image.file_name().unwrap_or_default().to_string_lossy();
-    let stem = name.strip_suffix(".nii.gz").or(name.strip_suffix(".nii")).unwrap_or(&name);
-    image.with_file_name(format!("{stem}{ending}"))
-}
-
-fn sidecar(image: &Path) -> Result<Sidecar, Failure> {
-    let path = beside(image, ".json");
-    match fs::read_to_string(&path) {
-        Ok(text) => serde_json::from_str(&text).map_err(|cause| refuse(&path, cause)),
-        Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => Ok(Sidecar::default()),
-        Err(cause) => Err(Failure::io(path, cause)),
-    }
+    Ok(Participant { label: label.to_owned(), poses, bids: bids.into() })
 }
 
 /// `sub-01_acq-prone_T1w` -> `sub-01_acq-prone_landmarks.csv` beside it, when it is there.
@@ -161,8 +121,8 @@ pub fn write_study(
     let held_out = held_out(study.remove("bids"), template_path)?;
     fs::create_dir_all(folder).map_err(|cause| Failure::io(folder, cause))?;
     let mut poses = Table::new();
-    for (name, image) in &participant.poses {
-        poses.insert(name.clone(), Value::Table(pose(name, image, &held_out, folder)?));
+    for name in participant.poses.keys() {
+        poses.insert(name.clone(), Value::Table(pose(participant, name, &held_out, folder)?));
     }
     study.entry("schema").or_insert(Value::Integer(1));
     let subject: Table =
@@ -187,8 +147,14 @@ fn held_out(bids: Option<Value>, template: &Path) -> Result<Vec<String>, Failure
         .map_err(|cause| refuse(template, format!("[bids]: {}", cause.message())))
 }
 
-fn pose(name: &str, image: &Path, held_out: &[String], folder: &Path) -> Result<Table, Failure> {
-    let told = sidecar(image)?;
+fn pose(
+    participant: &Participant,
+    name: &str,
+    held_out: &[String],
+    folder: &Path,
+) -> Result<Table, Failure> {
+    let image = &participant.poses[name];
+    let told = sidecar::read(&participant.bids, image)?;
     let absolute = |path: &Path| {
         let path = fs::canonicalize(path).map_err(|cause| Failure::io(path, cause))?;
         let text = path.to_str().ok_or_else(|| refuse(&path, "its name is not UTF-8"))?;

@@ -1,5 +1,6 @@
 //! What a participant's run made, under the names of BIDS derivatives.
 
+use super::dataset::Participant;
 use mammotwin_data::{
     Failure, Mat3, Vec3, io::hdf5::Reader, labels::Tissue, rigid::RigidTransform,
 };
@@ -12,6 +13,13 @@ use std::{
 
 /// Version of BIDS that the names follow.
 const BIDS_VERSION: &str = "1.10.0";
+/// Name of the folder of the images in addresses (`bids:raw:sub-01/...`).
+const RAW: &str = "raw";
+/// Colours of the tissues, by label.
+const COLORS: [&str; Tissue::ALL.len()] = [
+    "#000000", "#E69F00", "#F0C75E", "#56B4E9", "#9AD0F0", "#CC79A7", "#B22222", "#808080",
+    "#8B4A2B", "#C8C8C8",
+];
 
 /// One column of the table of metrics.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,27 +71,76 @@ fn copy(from: &Path, to: &Path) -> Result<(), Failure> {
     done.and_then(|()| fs::copy(from, to)).map(|_| ()).map_err(|cause| Failure::io(to, cause))
 }
 
-/// Writes what says that the folder holds derivatives.
-pub fn describe(out: &Path) -> Result<(), Failure> {
+/// What stands in the folder of the derivatives for people who find it.
+const README: &str = "\
+# Derivatives of mammotwin
+
+Breast models and mammography metrics from MRI; for research, not for diagnosis. `sub-LABEL.html` is the report of a
+participant, `group.html` that of all. Labels of the segmentations are in `desc-tissues_dseg.tsv`. Transforms are in LPS,
+meshes and fields of the results (HDF5) in RAS, both in mm.
+";
+
+/// Writes what says that the folder holds derivatives of the folder `bids`.
+pub fn describe(out: &Path, bids: &Path) -> Result<(), Failure> {
     let version = env!("CARGO_PKG_VERSION");
     let description = json!({
         "Name": "mammotwin: biomechanical breast models and mammography metrics",
         "BIDSVersion": BIDS_VERSION,
         "DatasetType": "derivative",
         "GeneratedBy": [{ "Name": "mammotwin", "Version": version }],
+        "DatasetLinks": { RAW: way(out, bids)? },
         "HowToAcknowledge": "Cite the works that the methods in the report of each participant name.",
     });
     write(&out.join("dataset_description.json"), &format!("{description:#}\n"))?;
     let ignored =
-        "work/\n*.html\n*_results.h5\n*_mammogram.*\n*_metrics.*\n*_status.json\n*_xfm.txt\n";
+        "work\n*.html\n*_results.h5\n*_mammogram.*\n*_metrics.*\n*_status.json\n*_xfm.txt\n";
     write(&out.join(".bidsignore"), ignored)?;
-    let mut labels = String::from("index\tname\n");
-    for tissue in Tissue::ALL {
+    write(&out.join("README.md"), README)?;
+    let mut labels = String::from("index\tname\tcolor\n");
+    for (tissue, color) in Tissue::ALL.into_iter().zip(COLORS) {
         let name = serde_json::to_value(tissue).ok();
         let name = name.as_ref().and_then(|name| name.as_str()).unwrap_or_default();
-        labels += &format!("{}\t{name}\n", tissue.label());
+        labels += &format!("{}\t{name}\t{color}\n", tissue.label());
     }
-    write(&out.join("desc-tissues_dseg.tsv"), &labels)
+    write(&out.join("desc-tissues_dseg.tsv"), &labels)?;
+    let told = json!({
+        "Description": "Tissues of the breasts and behind them",
+        "SpatialReference": "orig",
+    });
+    write(&out.join("desc-tissues_dseg.json"), &format!("{told:#}\n"))
+}
+
+/// The way from one folder to another, as a relative address.
+fn way(from: &Path, to: &Path) -> Result<String, Failure> {
+    let absolute = |path: &Path| fs::canonicalize(path).map_err(|cause| Failure::io(path, cause));
+    let (from, to) = (absolute(from)?, absolute(to)?);
+    let common = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
+    let up = from.components().skip(common).map(|_| "..".to_owned());
+    let down =
+        to.components().skip(common).map(|part| address(part.as_os_str().as_encoded_bytes()));
+    let parts: Vec<String> = up.chain(down).collect();
+    Ok(if parts.is_empty() { ".".into() } else { parts.join("/") })
+}
+
+/// A name as a part of an address.
+fn address(name: &[u8]) -> String {
+    let part = |byte: &u8| match byte {
+        b'-' | b'.' | b'_' | b'~' => char::from(*byte).to_string(),
+        byte if byte.is_ascii_alphanumeric() => char::from(*byte).to_string(),
+        byte => format!("%{byte:02X}"),
+    };
+    name.iter().map(part).collect()
+}
+
+/// Of which image a segmentation is, and whether a person edited it; the rest is told of all at once.
+fn segmentation(participant: &Participant, pose: &str, edited: bool) -> Option<String> {
+    let image = participant.poses.get(pose)?.strip_prefix(&participant.bids).ok()?;
+    let parts = image.components().map(|part| address(part.as_os_str().as_encoded_bytes()));
+    let told = json!({
+        "Manual": edited,
+        "Sources": [format!("bids:{RAW}:{}", parts.collect::<Vec<_>>().join("/"))],
+    });
+    Some(format!("{told:#}\n"))
 }
 
 /// Notes how a run ended.
@@ -93,8 +150,15 @@ pub fn note(out: &Path, label: &str, status: &Status) -> Result<(), Failure> {
     write(&path, &format!("{text}\n"))
 }
 
-/// Brings the results of a run folder under their names.
-pub fn publish(run: &Path, out: &Path, label: &str) -> Result<(), Failure> {
+/// Brings the results of a run folder under their names; `edited` are the poses whose labels a
+/// person edited.
+pub fn publish(
+    run: &Path,
+    out: &Path,
+    participant: &Participant,
+    edited: &[String],
+) -> Result<(), Failure> {
+    let label = participant.label.as_str();
     let results = run.join("results.h5");
     let read = Reader::open(&results)?;
     let poses = read.names("poses")?;
@@ -110,6 +174,9 @@ pub fn publish(run: &Path, out: &Path, label: &str) -> Result<(), Failure> {
         let labels = run.join("labels").join(format!("{pose}.nii.gz"));
         if labels.exists() {
             copy(&labels, &anat(&format!("acq-{pose}_desc-tissues_dseg.nii.gz")))?;
+            if let Some(told) = segmentation(participant, pose, edited.contains(pose)) {
+                write(&anat(&format!("acq-{pose}_desc-tissues_dseg.json")), &told)?;
+            }
         }
         if *pose == reference {
             continue;

@@ -6,7 +6,10 @@ use crate::{
     cli::{BidsArguments, BidsLevel, StudyArguments, one_line},
     display::say,
 };
-use mammotwin_data::{Failure, store::Options};
+use mammotwin_data::{
+    Failure,
+    store::{Options, State},
+};
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -29,7 +32,7 @@ pub fn bids(arguments: &BidsArguments) -> Result<(), Failure> {
         }
     };
     fs::create_dir_all(out_dir).map_err(|cause| Failure::io(out_dir, cause))?;
-    derivatives::describe(out_dir)?;
+    derivatives::describe(out_dir, bids_dir)?;
     let work = arguments.work_dir.clone().unwrap_or_else(|| out_dir.join("work"));
     // One participant who cannot be computed does not keep the others.
     let (mut first, mut failed): (Option<Failure>, Vec<&str>) = (None, Vec::new());
@@ -62,6 +65,8 @@ fn participant(
     let folder = work.join(format!("sub-{label}"));
     let study = dataset::write_study(&found, template, &folder)?;
     let opened = open(&StudyArguments { study, out: None })?;
-    run::execute(&opened, &Options::default())?;
-    derivatives::publish(&opened.store.out, &arguments.out_dir, label)
+    let pass = run::execute(&opened, &Options::default())?;
+    let edited = pass.entries.iter().filter(|entry| matches!(entry.state, State::Edited { .. }));
+    let edited: Vec<String> = edited.map(|entry| entry.label.clone()).collect();
+    derivatives::publish(&opened.store.out, &arguments.out_dir, &found, &edited)
 }

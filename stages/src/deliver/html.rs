@@ -53,7 +53,7 @@ pub type Squeezed =
 
 impl Stage for Report {
     const NAME: &'static str = "report";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const METHODS: &'static str = "";
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
@@ -72,14 +72,17 @@ impl Stage for Report {
             poses: sections::poses(&self.poses, images),
             mesh: Some(sections::mesh(mesh)),
             calibration: Some(sections::calibration(mesh, calibration)),
-            validation: validations.first().map(|v| sections::validation(mesh, v)),
+            validations: validations.iter().map(|v| sections::validation(mesh, v)).collect(),
             compression: compression.as_ref().map(sections::compression),
             scenes: scenes(mesh, calibration, validations, compression.as_ref()),
             metrics: sections::round_trip(calibration)
                 .into_iter()
                 .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
                 .collect(),
-            methods: methods(compression.is_some(), mammograms.is_some()),
+            methods: methods(
+                [!images.2.is_empty(), !validations.is_empty()],
+                [compression.is_some(), mammograms.is_some()],
+            ),
             provenance: self.provenance.clone(),
             ..ReportInput::default()
         };
@@ -105,16 +108,19 @@ impl Stage for Report {
 }
 
 /// The sentences of the stages that took part, in their order.
-fn methods(compressed: bool, pictured: bool) -> Vec<String> {
-    let mut sentences = vec![
-        align::Align::METHODS,
-        segment::Segment::METHODS,
-        surface::Surface::METHODS,
-        register::Register::METHODS,
-        mesh::Mesh::METHODS,
-        calibrate::Calibrate::METHODS,
-        validate::Validate::METHODS,
-    ];
+fn methods([moved, validated]: [bool; 2], [compressed, pictured]: [bool; 2]) -> Vec<String> {
+    let mut sentences = Vec::new();
+    if moved {
+        sentences.push(align::Align::METHODS);
+    }
+    sentences.extend([segment::Segment::METHODS, surface::Surface::METHODS]);
+    if moved {
+        sentences.push(register::Register::METHODS);
+    }
+    sentences.extend([mesh::Mesh::METHODS, calibrate::Calibrate::METHODS]);
+    if validated {
+        sentences.push(validate::Validate::METHODS);
+    }
     if compressed {
         sentences.extend([compress::Compress::METHODS, comfort::Comfort::METHODS]);
     }

@@ -19,6 +19,7 @@ use crate::{
     validate::Validation,
 };
 use mammotwin_data::{
+    Vec3,
     labels::{Side, Tissue},
     mesh::Patch,
     metric::Metric,
@@ -30,6 +31,8 @@ use mammotwin_solver::distance::SurfaceIndex;
 
 /// Ends of the colour scale of all distance maps (mm): one scale, so that maps compare.
 const DISTANCE_RANGE_MM: [f64; 2] = [-5.0, 5.0];
+/// Height (mm) over which the end of an image rounds the end of a chest wall.
+const END_MM: f64 = 5.0;
 
 /// Images and what became of them.
 pub fn poses(names: &[String], (pictures, surfaces, registered): &Images) -> Vec<PoseReport> {
@@ -63,7 +66,10 @@ pub fn poses(names: &[String], (pictures, surfaces, registered): &Images) -> Vec
             let g = moving.gravity;
             let mut facts = vec![
                 Fact::new("Rotation", format!("{:.1}°", t.angle() / DEGREE)),
-                Fact::new("Gravity", format!("({:.3}, {:.3}, {:.3})", g.x, g.y, g.z)),
+                Fact::new(
+                    "Gravity, RAS",
+                    format!("({:.3}, {:.3}, {:.3})", g.x, g.y, g.z).replace('-', "−"),
+                ),
             ];
             if let Some(rms) = moving.start.landmark_rms_mm {
                 facts.push(Fact::new("Landmarks, rms", format!("{rms:.2} mm")));
@@ -93,11 +99,19 @@ fn wall_map(moving: &TriMesh, fixed: &TriMesh, transform: &RigidTransform) -> Op
         triangles: moving.triangles.clone(),
     };
     let closest = SurfaceIndex::new(fixed).ok()?.closest_of(&surface.points).ok()?;
-    let values = closest.iter().zip(&surface.points).map(|(c, p)| c.signed_mm(p)).collect();
+    // Beyond the end of either image there is nothing to compare: z in the frames of both.
+    let (own, other) = (inner_z(&moving.points), inner_z(&fixed.points));
+    let inside =
+        |n: usize| own.contains(&moving.points[n].z) && other.contains(&surface.points[n].z);
+    let value = |(n, p): (usize, &Vec3)| match inside(n) {
+        true => closest[n].signed_mm(p),
+        false => f64::NAN,
+    };
+    let values = surface.points.iter().enumerate().map(value).collect();
     Some(SurfaceMap {
         title: "Chest wall after registration".into(),
         caption: "Signed distance to the chest wall of the reference pose: what the rigid motion \
-                  leaves (Mîra 2018, fig. 3.4). The ends are cut by the image."
+                  leaves (Mîra 2018, fig. 3.4). Grey: where one of the images ends."
             .into(),
         surface,
         values,
@@ -106,6 +120,14 @@ fn wall_map(moving: &TriMesh, fixed: &TriMesh, transform: &RigidTransform) -> Op
         range: Some(DISTANCE_RANGE_MM),
         cameras: vec![Camera::Front],
     })
+}
+
+/// Heights (mm) of a surface but its ends.
+fn inner_z(points: &[Vec3]) -> std::ops::Range<f64> {
+    let (low, high) = points
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p.z), high.max(p.z)));
+    low + END_MM..high - END_MM
 }
 
 /// The mesh.
@@ -266,10 +288,10 @@ fn search_chart(trials: &[Trial]) -> Chart {
 }
 
 /// The held-out pose.
-pub fn validation(mesh: &BreastMesh, validation: &Validation) -> FitReport {
+pub fn validation(mesh: &BreastMesh, validation: &Validation) -> (String, FitReport) {
     let Validation { before, after } = validation;
     let d = &after.distances;
-    FitReport {
+    let report = FitReport {
         facts: vec![
             distance_fact("Modified Hausdorff", before, after),
             Fact::new("Mean", format!("{:.2} mm", d.mean)),
@@ -282,7 +304,8 @@ pub fn validation(mesh: &BreastMesh, validation: &Validation) -> FitReport {
             distance_map(mesh, before, format!("{} before the fit", before.pose)),
             distance_map(mesh, after, format!("{} after the fit", after.pose)),
         ],
-    }
+    };
+    (after.pose.clone(), report)
 }
 
 /// The compression.
@@ -423,7 +446,7 @@ pub fn summary(
     } else {
         format!("Given Young's moduli: {right:.2} kPa right, {left:.2} kPa left; nothing fitted. ")
     };
-    if let Some(v) = validations.first() {
+    for v in validations {
         let (then, now) =
             (v.before.distances.modified_hausdorff, v.after.distances.modified_hausdorff);
         text +=

@@ -29,11 +29,12 @@ use crate::calibrate::{Experiment, Fit};
 use mammotwin_data::{
     Failure,
     io::hdf5,
+    mesh::Patch,
     progress::{Progress, Silent},
     store::{Artifact, Stage},
     surface::TriMesh,
 };
-use observe::{part, skin};
+use observe::part;
 use rayon::prelude::*;
 use refit::{Fitted, Refit};
 use serde::Serialize;
@@ -53,7 +54,8 @@ pub struct Discover {
 pub struct PoseGap {
     /// Its name.
     pub pose: String,
-    /// Simulated skin (mm) without and with the effect, in the reference pose's frame.
+    /// Simulated skin (mm) without and with the effect, in the reference pose's frame; triangles of the
+    /// corners of elements.
     pub skin: [TriMesh; 2],
     /// Its nodes that are weighed.
     pub active: Vec<u32>,
@@ -137,7 +139,7 @@ type Input = (Evidence, evidence::Input);
 
 impl Stage for Discover {
     const NAME: &'static str = "discover";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const METHODS: &'static str = "Residuals were weighed with the covariance of the errors of segmentation, registration, \
          chest wall and mesh. A score test asked for each effect of the library whether what the \
          moduli do not absorb of its signature is in the residuals; the threshold is the 99 % quantile \
@@ -188,9 +190,14 @@ impl Stage for Discover {
         };
         let active = without_fit.poses.first().map_or(&[][..], |pose| &pose.active);
         let nodes: Vec<u32> = evidence.weighed.iter().map(|&at| active[at as usize]).collect();
+        let faces = mesh.corners().patch(Patch::Skin).to_vec();
         let gap = |(p, pose): (usize, &String)| {
             let own = |all| part(all, &[p], evidence.nodes()).as_slice().to_vec();
-            let simulated = |fit: &Fit| skin(mesh, &fit.poses[p + 1].solution.points);
+            // Of corners alone, since nodes between them are not weighed.
+            let simulated = |fit: &Fit| TriMesh {
+                points: fit.poses[p + 1].solution.points.clone(),
+                triangles: faces.clone(),
+            };
             PoseGap {
                 pose: pose.clone(),
                 skin: [simulated(&without_fit), simulated(after_fit)],

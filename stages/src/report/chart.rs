@@ -81,7 +81,7 @@ const COLORS: [RGBColor; 8] = [
 const INK: RGBColor = RGBColor(70, 70, 70);
 const GRID: RGBColor = RGBColor(226, 226, 222);
 /// Twice the size in which they are shown: plotters rounds to whole pixels.
-const SIZE: (u32, u32) = (1240, 720);
+const SIZE: (u32, u32) = (1040, 640);
 const SMALL: (u32, u32) = (720, 500);
 
 /// Draws a chart; points that are not finite are left out.

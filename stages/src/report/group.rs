@@ -126,7 +126,9 @@ fn strip(metric: &GroupMetric, members: &[Member]) -> minijinja::Value {
             .filter_map(|(v, m)| v.filter(|v| v.is_finite()).map(|v| (v, m)))
     };
     let (low, high) = known().fold((f64::MAX, f64::MIN), |(l, h), (v, _)| (l.min(v), h.max(v)));
-    let (low, high) = if low < high { (low, high) } else { (low - 1.0, low + 1.0) };
+    // Where all have the same value, it alone stands below the dots.
+    let (low, high, ticks) =
+        if low < high { (low, high, 0..3) } else { (low - 1.0, low + 1.0, 1..2) };
     let place = |value: f64| BORDER + (WIDTH - 2.0 * BORDER) * (value - low) / (high - low);
     let mut dots = String::new();
     let mut last: Vec<f64> = Vec::new();
@@ -150,7 +152,7 @@ fn strip(metric: &GroupMetric, members: &[Member]) -> minijinja::Value {
         );
     }
     let axis = HEIGHT - 20.0;
-    let ticks: String = (0..3)
+    let ticks: String = ticks
         .map(|n| low + (high - low) * f64::from(n) / 2.0)
         .map(|value| {
             format!(

@@ -48,10 +48,11 @@ pub fn render(input: &ReportInput) -> Result<String, Failure> {
         None => None,
         Some(part) => Some(fit(&part.facts, &part.curves, &part.maps)?),
     };
-    let fitted = |part: &Option<FitReport>| match part {
-        None => Ok(None),
-        Some(part) => fit(&part.facts, &part.charts, &part.maps).map(Some),
-    };
+    let fitted = |part: &FitReport| fit(&part.facts, &part.charts, &part.maps);
+    let mut validations = Vec::new();
+    for (pose, part) in &input.validations {
+        validations.push(context! { pose => pose, part => fitted(part)? });
+    }
     let page = context! {
         subject => input.subject,
         summary => input.summary,
@@ -60,8 +61,8 @@ pub fn render(input: &ReportInput) -> Result<String, Failure> {
         legend => legend(),
         poses => poses,
         mesh => mesh,
-        calibration => fitted(&input.calibration)?,
-        validation => fitted(&input.validation)?,
+        calibration => input.calibration.as_ref().map(fitted).transpose()?,
+        validations => validations,
         compression => compression,
         mammograms => input.mammograms.iter().map(mammogram).collect::<Vec<_>>(),
         metrics => input.metrics.iter().map(Row::new).collect::<Vec<_>>(),
@@ -135,8 +136,9 @@ pub(super) fn map(map: &SurfaceMap) -> Result<Figure<'_>, Failure> {
     let mm_per_pixel = (width_mm / VIEWS_WIDTH).clamp(0.2, 1.0);
     let view = |&camera: &surface::Camera| {
         let picture =
-            surface::draw(surface, values, (*palette, range), camera, mm_per_pixel, BAR_MM);
-        let image = image(&picture, camera.title());
+            surface::cut(surface, values, (*palette, range), camera, mm_per_pixel, BAR_MM);
+        let Raster { width, height, .. } = picture.picture;
+        let image = element(&picture.data_uri(), [width, height], camera.title());
         let ([left, right], title) = (camera.marks(), camera.title());
         format!(
             "<div class=\"view\">{image}<small><b>{left}</b> {title} <b>{right}</b></small></div>"
@@ -207,8 +209,11 @@ fn mammogram(report: &MammogramReport) -> minijinja::Value {
 }
 
 fn image(picture: &Raster, text: &str) -> String {
-    let Raster { width, height, .. } = picture;
-    let (address, text) = (picture.data_uri(), escaped(text));
+    element(&picture.data_uri(), [picture.width, picture.height], text)
+}
+
+fn element(address: &str, [width, height]: [usize; 2], text: &str) -> String {
+    let text = escaped(text);
     format!("<img src=\"{address}\" width=\"{width}\" height=\"{height}\" alt=\"{text}\">")
 }
 

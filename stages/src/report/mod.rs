@@ -44,8 +44,8 @@ pub struct ReportInput {
     pub mesh: Option<MeshReport>,
     /// The fit; none with literature moduli.
     pub calibration: Option<FitReport>,
-    /// The pose that the fit did not see.
-    pub validation: Option<FitReport>,
+    /// The poses that the fit did not see, by name.
+    pub validations: Vec<(String, FitReport)>,
     /// The compression.
     pub compression: Option<CompressionReport>,
     /// What can be turned about.

@@ -2,7 +2,7 @@
 
 use super::{
     palette::Palette,
-    raster::{Raster, Rgb},
+    raster::{Cutout, Raster, Rgb},
 };
 use mammotwin_data::{Vec3, surface::TriMesh};
 
@@ -63,33 +63,46 @@ impl Camera {
 }
 
 const PAPER: Rgb = [255, 255, 255];
-const INK: Rgb = [60, 60, 60];
+/// Colour of the bar: seen on light and dark ground.
+const BAR: Rgb = [125, 125, 125];
 /// Empty border (mm).
 const BORDER: f64 = 6.0;
+
+/// Draws a surface on white; see [`cut`].
+pub fn draw(
+    surface: &TriMesh,
+    values: &[f64],
+    scale: (Palette, [f64; 2]),
+    camera: Camera,
+    mm_per_pixel: f64,
+    bar_mm: f64,
+) -> Raster {
+    cut(surface, values, scale, camera, mm_per_pixel, bar_mm).on(PAPER)
+}
 
 /// Draws a surface with a number at each vertex. Hidden parts are hidden by a depth buffer; edges
 /// are smoothed. A bar of `bar_mm` lies at the lower left.
 ///
 /// `values` has one number a vertex; NaN is drawn grey.
-pub fn draw(
+pub fn cut(
     surface: &TriMesh,
     values: &[f64],
     (palette, range): (Palette, [f64; 2]),
     camera: Camera,
     mm_per_pixel: f64,
     bar_mm: f64,
-) -> Raster {
+) -> Cutout {
     let [right, up, toward] = camera.axes();
     let [left, rightmost] = extent(surface, &right);
     let [bottom, top] = extent(surface, &up);
     if !(rightmost - left).is_finite() || !(top - bottom).is_finite() {
-        return Raster::filled(2, 2, PAPER);
+        return Cutout::empty(2, 2);
     }
     // Twice too large, then halved.
     let scale = 2.0 / mm_per_pixel;
     let pixels = |length: f64| (((length + 2.0 * BORDER) * scale).ceil() as usize + 1) & !1;
     let [width, height] = [pixels(rightmost - left), pixels(top - bottom)];
-    let mut picture = Raster::filled(width, height, PAPER);
+    let mut picture = Cutout::empty(width, height);
     let mut depth = vec![f64::NEG_INFINITY; width * height];
     let normals = surface.vertex_normals();
 
@@ -127,7 +140,7 @@ struct Vertex {
 
 /// Fills one triangle where it is nearest to the viewer.
 fn fill(
-    picture: &mut Raster,
+    Cutout { picture, cover }: &mut Cutout,
     depth: &mut [f64],
     [a, b, c]: &[Vertex; 3],
     palette: Palette,
@@ -157,6 +170,7 @@ fn fill(
                 depth[at] = z;
                 let color = palette.color(u * a.value + v * b.value + w * c.value, range);
                 let light = 0.7 + 0.3 * (u * a.facing + v * b.facing + w * c.facing).abs().min(1.0);
+                cover[at] = 255;
                 picture.pixels[at] = color.map(|part| (f64::from(part) * light).round() as u8);
             }
         }
@@ -164,11 +178,12 @@ fn fill(
 }
 
 /// A horizontal bar at the lower left.
-fn bar(picture: &mut Raster, length: usize) {
+fn bar(Cutout { picture, cover }: &mut Cutout, length: usize) {
     let rows = picture.height.saturating_sub(5)..picture.height.saturating_sub(2);
     for row in rows {
         for column in 4..(4 + length).min(picture.width) {
-            picture.pixels[row * picture.width + column] = INK;
+            cover[row * picture.width + column] = 255;
+            picture.pixels[row * picture.width + column] = BAR;
         }
     }
 }

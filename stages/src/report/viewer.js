@@ -3,11 +3,18 @@
 "use strict";
 const root = document.getElementById("viewer");
 if (!root) return;
+root.classList.add("with");
+// The page is there before its first picture in three dimensions: without a graphics card a context takes half a second.
+let started = false;
+requestAnimationFrame(() => setTimeout(start));
+addEventListener("beforeprint", start);
+function start() {
+if (started) return;
+started = true;
 const part = name => root.querySelector(`[data-part="${name}"]`);
 const canvas = part("canvas"), stage = part("stage");
 const gl = canvas.getContext("webgl2", { antialias: true, alpha: true, preserveDrawingBuffer: true });
-if (!gl) { root.classList.add("without"); return; }
-root.classList.add("with");
+if (!gl) { root.classList.remove("with"); return; }
 
 // Numbers of the page ---------------------------------------------------------------------------
 const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer;
@@ -22,18 +29,7 @@ function unpack(scene) {
     return points;
   });
   scene.index = new Uint32Array(bytes(scene.triangles));
-  for (const q of scene.quantities) {
-    const codes = new Uint16Array(bytes(q.values));
-    const all = Float32Array.from(codes, c => c === NONE ? NO_VALUE : q.least + q.span * c / TOP);
-    q.states = scene.labels.map((_, s) => all.subarray(s * scene.vertices, (s + 1) * scene.vertices));
-  }
-  const edges = new Map();
-  for (let t = 0; t < scene.index.length; t += 3) for (let k = 0; k < 3; k++) {
-    const a = scene.index[t + k], b = scene.index[t + (k + 1) % 3];
-    edges.set(Math.min(a, b) * 67108864 + Math.max(a, b), [a, b]);
-  }
-  scene.edges = new Uint32Array([...edges.values()].flat());
-  scene.normals = scene.points.map(points => normals(points, scene.index));
+  scene.normals = [];
   const low = [1e9, 1e9, 1e9], high = [-1e9, -1e9, -1e9];
   for (const points of scene.points) for (let i = 0; i < n; i++) {
     low[i % 3] = Math.min(low[i % 3], points[i]);
@@ -42,6 +38,25 @@ function unpack(scene) {
   scene.center = low.map((l, i) => (l + high[i]) / 2);
   scene.radius = Math.hypot(...low.map((l, i) => high[i] - l)) / 2;
   return scene;
+}
+// What is not looked at is not computed.
+function valuesOf(scene, q) {
+  const { vertices, labels } = scene;
+  q.all ??= Float32Array.from(new Uint16Array(bytes(q.values)), c => c === NONE ? NO_VALUE : q.least + q.span * c / TOP);
+  q.states ??= labels.map((_, s) => q.all.subarray(s * vertices, (s + 1) * vertices));
+  return q.states[now.step];
+}
+function normalsOf(scene) {
+  return scene.normals[now.step] ??= normals(scene.points[now.step], scene.index);
+}
+function edgesOf(scene) {
+  if (scene.edges) return scene.edges;
+  const edges = new Map(), { index } = scene;
+  for (let t = 0; t < index.length; t += 3) for (let k = 0; k < 3; k++) {
+    const a = index[t + k], b = index[t + (k + 1) % 3];
+    edges.set(Math.min(a, b) * 67108864 + Math.max(a, b), [a, b]);
+  }
+  return scene.edges = new Uint32Array([...edges.values()].flat());
 }
 function normals(p, index) {
   const sum = new Float32Array(p.length);
@@ -157,20 +172,20 @@ function paint() {
   gl.uniform4f(at.plain, 0, 0, 0, 0);
   gl.uniform1f(at.lift, 0);
   feed(0, scene.points[step], 3);
-  feed(1, scene.normals[step], 3);
-  feed(2, q.states[step], 1);
+  feed(1, normalsOf(scene), 3);
+  feed(2, valuesOf(scene, q), 1);
   draw(gl.TRIANGLES, scene.index);
   const ink = dark() ? [1, 1, 1] : [0, 0, 0];
   gl.uniform1f(at.lift, 0.002);
   if (part("edges").checked) {
     gl.uniform4f(at.plain, ...ink, 0.22);
-    draw(gl.LINES, scene.edges);
+    draw(gl.LINES, edgesOf(scene));
   }
   if (part("ghost").checked && step !== 0) {
     gl.uniform4f(at.plain, ...(dark() ? [1, 0.62, 0.3] : [0.72, 0.28, 0]), 0.45);
     gl.uniform1f(at.lift, 0);
     feed(0, scene.points[0], 3);
-    draw(gl.LINES, scene.edges);
+    draw(gl.LINES, edgesOf(scene));
   }
   for (const [which, plate] of scene.plates[step].entries()) {
     feed(0, new Float32Array(plate.flat()), 3);
@@ -316,7 +331,7 @@ canvas.addEventListener("keydown", event => {
 function point(event) {
   const box = canvas.getBoundingClientRect(), scale = pixels(), [right, up, eye] = axes();
   const u = (event.clientX - box.left - box.width / 2) / scale, v = (box.height / 2 - (event.clientY - box.top)) / scale;
-  const { scene } = now, p = scene.points[now.step], q = scene.quantities[now.quantity], values = q.states[now.step];
+  const { scene } = now, p = scene.points[now.step], q = scene.quantities[now.quantity], values = valuesOf(scene, q);
   const origin = [0, 1, 2].map(i => scene.center[i] + (u - now.shift[0]) * right[i] + (v - now.shift[1]) * up[i]);
   const flat = (n, axis) => axis[0] * (p[3 * n] - origin[0]) + axis[1] * (p[3 * n + 1] - origin[1]) + axis[2] * (p[3 * n + 2] - origin[2]);
   let best = -Infinity, found = null;
@@ -343,8 +358,18 @@ function point(event) {
 }
 canvas.addEventListener("pointerleave", () => { part("tip").hidden = true; });
 new ResizeObserver(redraw).observe(stage);
-document.addEventListener("themechange", redraw);
+// At once, since a page that is printed waits for no frame.
+document.addEventListener("themechange", paint);
+// What is printed is a copy, as what is drawn last may not be on the screen yet.
+for (const [word, on] of [["beforeprint", true], ["afterprint", false]]) addEventListener(word, () => {
+  root.classList.toggle("paper", on);
+  paint();
+  const copy = part("print");
+  [copy.width, copy.height] = on ? [canvas.width, canvas.height] : [1, 1];
+  if (on) copy.getContext("2d").drawImage(canvas, 0, 0);
+});
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 choose(0);
 paint();
+}
 })();

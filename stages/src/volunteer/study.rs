@@ -38,6 +38,7 @@ pub fn text(torso: &Torso, truth: &Truth, poses: &[PoseName], seed: u64) -> Stri
     let [right, left] = [LITERATURE_KPA; 2];
 
     let mut poses_text = String::new();
+    let mut fitted = 0;
     for pose in poses {
         let name = pose.name();
         let gravity = match (pose.gravity_of_posture(), truth.poses.get(name)) {
@@ -51,6 +52,7 @@ pub fn text(torso: &Torso, truth: &Truth, poses: &[PoseName], seed: u64) -> Stri
             PoseName::Supine | PoseName::Prone => "fit",
             PoseName::Tilted | PoseName::Upright => "validate",
         };
+        fitted += usize::from(usage == "fit");
         // Writing to a string cannot fail.
         let _ = write!(
             poses_text,
@@ -63,6 +65,13 @@ use = "{usage}"
 "#
         );
     }
+    let parameters = match fitted {
+        // Stiffness is what two poses differ by.
+        0 | 1 => {
+            "# One pose to fit tells no stiffness: moduli stay those of [model].\nparameters = []"
+        }
+        _ => r#"parameters = ["breast.young_right_kpa", "breast.young_left_kpa"]"#,
+    };
     format!(
         r#"# A digital volunteer: a synthetic subject. What is true of her is in truth/, which no stage
 # reads. The breast starts at a stiffness from the literature; everything else of the model is true.
@@ -86,7 +95,7 @@ size_mm = {size}
 elements = "{elements}"
 
 [calibrate]
-parameters = ["breast.young_right_kpa", "breast.young_left_kpa"]
+{parameters}
 
 [compress]
 side = "right"
@@ -130,6 +139,20 @@ mod tests {
     use super::*;
     use crate::volunteer::{Motion, truth::PoseTruth};
     use mammotwin_data::landmarks::Landmarks;
+
+    #[test]
+    fn moduli_are_fitted_where_two_poses_are() {
+        let torso = Torso::new(Preset::named("tiny").unwrap().person(3), 3);
+        let truth = Truth::of(&torso, "tiny", 3);
+        let fitted = |poses: &[PoseName]| {
+            // Supine and prone need no truth for their gravity.
+            let text = text(&torso, &truth, poses, 3);
+            mammotwin_data::study::parse(&text).unwrap().calibrate.parameters.len()
+        };
+        assert_eq!(fitted(&[PoseName::Supine, PoseName::Prone]), 2);
+        assert_eq!(fitted(&[PoseName::Supine]), 0);
+        assert_eq!(fitted(&[PoseName::Supine, PoseName::Upright]), 0, "one to fit, one held out");
+    }
 
     #[test]
     fn the_study_is_valid_and_its_gravity_is_the_true_one_in_the_common_frame() {
