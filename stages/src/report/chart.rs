@@ -121,7 +121,7 @@ fn with_hits(svg: String, chart: &Chart, hits: &[Hit]) -> String {
         let (across, up) = (value(&chart.x_label, point.0), value(&chart.y_label, point.1));
         let text = format!("{}: {}; {}", escaped(name), up.trim_end(), across.trim_end());
         format!(
-            "<circle class=\"hit\" cx=\"{x}\" cy=\"{y}\" r=\"10\"><title>{text}</title></circle>"
+            "<circle class=\"hit\" fill=\"transparent\" cx=\"{x}\" cy=\"{y}\" r=\"10\"><title>{text}</title></circle>"
         )
     };
     let circles: String = hits.iter().map(circle).collect();
