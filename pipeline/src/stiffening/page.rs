@@ -112,12 +112,16 @@ pub fn page(
         let _ = writeln!(html, "<figure>{svg}<figcaption>{caption}</figcaption></figure>");
         figures.push((name.to_owned(), svg));
     };
-    add("curves.svg", "The best point of the posterior, the ends of the Jₘ that were tried at its distance, and the record", {
-        lines(&curves(grid, posterior, record))
-    });
-    add("posterior.svg", "Weight (%) of Jₘ and distance; framed: where it is largest", {
-        heat(&map(posterior))
-    });
+    add(
+        "curves.svg",
+        "The best point of the posterior, the ends of the Jₘ that were tried at its distance, and the record",
+        lines(&curves(grid, posterior, record)),
+    );
+    add(
+        "posterior.svg",
+        "Weight (%) of Jₘ and distance; framed: where it is largest",
+        heat(&map(posterior)),
+    );
     html += "</body></html>\n";
     (html, figures)
 }

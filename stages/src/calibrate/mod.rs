@@ -16,6 +16,9 @@ use mammotwin_data::{
     store::{Artifact, Stage},
     study::{CalibratePlan, ModelPlan},
 };
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 use search::Search;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -89,7 +92,30 @@ pub struct Precision {
     pub correlation: Option<f64>,
 }
 
+/// Seed of the draws of moduli.
+const DRAWS_SEED: u64 = 1;
+
 impl Precision {
+    /// Draws moduli (kPa), right and left, from what the distances leave open: logarithms are normal
+    /// about `moduli`, with these standard deviations and their correlation. A modulus that was not
+    /// fitted stays. None where nothing was fitted.
+    pub fn draws(&self, moduli: Moduli, count: usize) -> Vec<[f64; 2]> {
+        if self.right.is_none() && self.left.is_none() {
+            return Vec::new();
+        }
+        let [right, left] = [self.right, self.left].map(Option::unwrap_or_default);
+        let shared = self.correlation.unwrap_or_default().clamp(-1.0, 1.0);
+        let own = (1.0 - shared * shared).sqrt();
+        let mut random = ChaCha8Rng::seed_from_u64(DRAWS_SEED);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let mut draw = || {
+            let (a, b) = (normal(), normal());
+            let logs = [right * a, left * (shared * a + own * b)];
+            [moduli.right_kpa * logs[0].exp(), moduli.left_kpa * logs[1].exp()]
+        };
+        (0..count).map(|_| draw()).collect()
+    }
+
     /// Of a side.
     pub fn of_side(&self, side: Side) -> Option<f64> {
         match side {
@@ -194,5 +220,30 @@ impl Stage for Calibrate {
         let fitted = fitted.filter(wanted).map(|(side, _)| side).collect();
         let experiment = Experiment::new(mesh, &self.model, &self.plan, &measured)?;
         Search { experiment, fitted }.run(Moduli::of(&self.model), progress)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn draws_have_the_deviations_and_the_correlation_they_are_made_of() {
+        let precision = Precision { right: Some(0.05), left: Some(0.1), correlation: Some(0.6) };
+        let moduli = Moduli { right_kpa: 0.3, left_kpa: 0.2 };
+        let draws = precision.draws(moduli, 20_000);
+        let logs = |side: usize, kpa: f64| -> Vec<f64> {
+            draws.iter().map(|draw| (draw[side] / kpa).ln()).collect()
+        };
+        let (right, left) = (logs(0, 0.3), logs(1, 0.2));
+        let mean = |a: &[f64], b: &[f64]| {
+            a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / a.len() as f64
+        };
+        let [sd_right, sd_left] = [mean(&right, &right).sqrt(), mean(&left, &left).sqrt()];
+        assert!((sd_right / 0.05 - 1.0).abs() < 0.02 && (sd_left / 0.1 - 1.0).abs() < 0.02);
+        assert!((mean(&right, &left) / (sd_right * sd_left) - 0.6).abs() < 0.02);
+        let one = Precision { right: Some(0.05), left: None, correlation: None };
+        assert!(one.draws(moduli, 10).iter().all(|draw| draw[1] == 0.2 && draw[0] != 0.3));
+        assert!(Precision::default().draws(moduli, 10).is_empty());
     }
 }

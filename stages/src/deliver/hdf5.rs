@@ -39,7 +39,7 @@ bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const METHODS: &'static str = "";
     type Input = (
         BreastMesh,

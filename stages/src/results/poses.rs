@@ -101,6 +101,9 @@ fn put_fit(file: &mut Writer, group: &str, fit: &PoseFit, long_name: &str) -> Re
     Ok(())
 }
 
+/// Moduli that are drawn.
+const DRAWS: usize = 1000;
+
 /// Writes `/calibration`; `rest` is the stress-free shape that belongs to the fitted moduli.
 pub fn put_calibration(
     file: &mut Writer,
@@ -124,6 +127,12 @@ pub fn put_calibration(
     };
     put("before", &found.before, "With the moduli of the study")?;
     put("after", &found.after, "With the fitted moduli")?;
+    let draws = found.precision.draws(found.after.moduli, DRAWS);
+    if !draws.is_empty() {
+        let values: Vec<f64> = draws.iter().flatten().copied().collect();
+        let long_name = "Young's moduli of the right and the left breast, drawn from what the distances leave open";
+        file.put_array("calibration/draws_kpa", &[draws.len(), 2], &values, "kPa", long_name)?;
+    }
     file.put_mesh("calibration/rest", rest)?;
     file.attribute("calibration/rest", "long_name", "Stress-free shape of all poses")?;
     Ok(())
