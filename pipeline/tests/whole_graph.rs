@@ -146,7 +146,9 @@ fn the_tiny_volunteer_runs_again_only_where_it_must_and_to_the_same_bits() {
     // Plates farther apart than the breast is thick: one line, and the results stay.
     let old = "stop = { thickness_mm = ";
     assert!(text.contains(old));
-    fs::write(&study, text.replace(old, "stop = { thickness_mm = 1")).unwrap();
+    // Without its dose, whose tables would be said to end first.
+    let (mechanics, _) = text.split_once("[mammogram]").unwrap();
+    fs::write(&study, mechanics.replace(old, "stop = { thickness_mm = 1")).unwrap();
     let held = results(&volunteer.join("out"));
     let wide = mammotwin(&["run", study.to_str().unwrap()]).output().unwrap();
     assert_eq!(wide.status.code(), Some(65));
