@@ -197,7 +197,7 @@ fn gland_follows_the_labels(study: &Path, text: &str) {
     fs::write(study, text.replace(picture, &format!("{picture}\n{more}"))).unwrap();
     let stages = computed(study, "2");
     assert!(stages >= 6, "{stages}");
-    let file = hdf5::Reader::open(&study.parent().unwrap().join("out/results.h5")).unwrap();
+    let file = hdf5::Reader::open(study.parent().unwrap().join("out/results.h5")).unwrap();
     let (names, values) =
         (file.texts("metrics/name").unwrap(), file.get::<f64>("metrics/value").unwrap());
     let metric = |name: &str| values[names.iter().position(|n| n == name).unwrap()];
