@@ -21,7 +21,7 @@ const BREAST: Rounded = Rounded {
 fn projection(criterion: &mut Criterion) {
     let unit = Unit::pristina(0.1, 24.0);
     let plan = MammogramPlan::default();
-    let phantom = Phantom::new(BREAST.surface(360, 96), BREAST.thickness_mm, &plan, 0.3, 1)
+    let phantom = Phantom::new(BREAST.surface(360, 96), None, BREAST.thickness_mm, &plan, 0.3, 1)
         .expect("a breast");
     let mut group = criterion.benchmark_group("2850 x 2394 pixels, noise-free");
     group.sample_size(10).measurement_time(Duration::from_secs(10));

@@ -42,7 +42,7 @@ fn thicker_breasts_cost_more_dose_at_the_same_signal() {
     let unit = Unit::pristina(plan.pixel_mm, plan.energy_kev);
     let calibration = calibrate(&Anchor::default(), &unit).unwrap();
     let agd = [44.0, 46.0].map(|thickness| {
-        let phantom = Phantom::new(compressed(thickness), thickness, &plan, 0.3, 1).unwrap();
+        let phantom = Phantom::new(compressed(thickness), None, thickness, &plan, 0.3, 1).unwrap();
         assert_eq!(phantom.calcifications.len(), 9);
         let projection = project(&phantom, &unit.geometry).unwrap();
         let picture =
@@ -75,7 +75,7 @@ fn dose_follows_thickness_as_in_the_thesis() {
     let unit = Unit::pristina(plan.pixel_mm, plan.energy_kev);
     let calibration = calibrate(&Anchor::default(), &unit).unwrap();
     let agd = |thickness: f64| {
-        let phantom = Phantom::new(compressed(thickness), thickness, &plan, 0.3, 1).unwrap();
+        let phantom = Phantom::new(compressed(thickness), None, thickness, &plan, 0.3, 1).unwrap();
         let projection = project(&phantom, &unit.geometry).unwrap();
         let picture =
             expose(&phantom, &projection, &unit, &calibration, Exposure::Automatic, 1).unwrap();
@@ -127,12 +127,18 @@ fn blurred_contrast(
         let (row, column) = ((n / 7) as usize, (n % 7) as usize);
         let center = Vec3::new(-39.0 + 13.017 * column as f64, 6.0 + 10.031 * row as f64, 23.0);
         let surface = shape(&center, n);
-        Calcification { site: Site { row, column, center }, diameter_mm: diameter, surface }
+        Calcification {
+            site: Site { row, column, center },
+            diameter_mm: diameter,
+            surface,
+            around: None,
+        }
     });
     let phantom = Phantom {
         surface: block(46.0),
         thickness_mm: 46.0,
         tissue: Material::breast(0.2).unwrap(),
+        inclusions: vec![],
         calcium: Material::calcification().unwrap(),
         calcifications: calcifications.collect(),
     };
@@ -208,7 +214,7 @@ fn the_contrast_of_the_thesis_needs_a_further_blur() {
 fn coarse_pixels_still_have_a_calcification() {
     let plan = MammogramPlan { pixel_mm: 0.5, ..Default::default() };
     let unit = Unit::pristina(plan.pixel_mm, plan.energy_kev);
-    let phantom = Phantom::new(compressed(46.0), 46.0, &plan, 0.2, 1).unwrap();
+    let phantom = Phantom::new(compressed(46.0), None, 46.0, &plan, 0.2, 1).unwrap();
     let projection = project(&phantom, &unit.geometry).unwrap();
     let calibration = calibrate(&Anchor::default(), &unit).unwrap();
     let picture = expose(&phantom, &projection, &unit, &calibration, Exposure::Fixed, 1).unwrap();

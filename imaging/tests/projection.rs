@@ -49,12 +49,13 @@ fn discs(thickness: f64) -> (Phantom, Unit) {
         let surface = prism(&around, |_| center.z - 0.03, |_| center.z + 0.03);
         let site = Site { row: n as usize / 7, column: n as usize % 7, center };
         // Its shadow is a little wider than it is.
-        Calcification { site, diameter_mm: 6.0 * 660.0 / (660.0 - 23.0), surface }
+        Calcification { site, diameter_mm: 6.0 * 660.0 / (660.0 - 23.0), surface, around: None }
     };
     let phantom = Phantom {
         surface: cuboid([-90.0, -50.0, 0.0], [90.0, 120.0, thickness]),
         thickness_mm: thickness,
         tissue: Material::breast(0.2).unwrap(),
+        inclusions: vec![],
         calcium: Material::calcification().unwrap(),
         calcifications: (0..49).map(disc).collect(),
     };
@@ -106,7 +107,7 @@ fn a_detector_smaller_than_the_breast_is_told() {
 #[test]
 fn grains_beside_the_breast_are_refused() {
     let behind = cuboid([-60.0, -90.0, 0.0], [60.0, -5.0, 46.0]);
-    let told = Phantom::new(behind, 46.0, &MammogramPlan::default(), 0.3, 1).unwrap_err();
+    let told = Phantom::new(behind, None, 46.0, &MammogramPlan::default(), 0.3, 1).unwrap_err();
     assert!(matches!(told, PhantomError::Misplaced { .. }));
     assert!(told.to_string().contains("no microcalcification lies in tissue"), "{told}");
 }

@@ -6,7 +6,7 @@ use mammotwin_data::{
     labels::LabelMap,
     landmarks::Landmarks,
     store::{Entry, Run, Stored},
-    study::{CompressPlan, Elements, MammogramPlan, MeshPlan, Pose, Study, Use},
+    study::{CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
     surface::TriMesh,
     volume::Volume,
 };
@@ -21,6 +21,7 @@ use mammotwin_stages::{
     },
     discover::{Discover, Discovery, Evidence, Gather},
     effects::EFFECTS,
+    gland::Gland,
     mammogram::{Mammogram, Mammograms},
     mesh::{BreastMesh, Mesh},
     monte_carlo::MonteCarlo,
@@ -101,8 +102,7 @@ pub struct PoseOutcome {
 pub fn run(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     let mut outcome = body(study, run)?;
     if let Some(plan) = &study.compress {
-        let parts = (&outcome.mesh, &outcome.calibration);
-        outcome.squeezed = Some(squeeze(study, plan, "", run, parts)?);
+        outcome.squeezed = Some(squeeze(study, plan, "", run, &outcome)?);
     }
     deliver(study, run, &outcome)?;
     Ok(outcome)
@@ -116,12 +116,11 @@ pub fn squeezes(
     run: &Run<'_>,
 ) -> Result<Vec<Result<Squeezed, String>>, Failure> {
     let outcome = body(study, run)?;
-    let parts = (&outcome.mesh, &outcome.calibration);
-    let one = |(label, plan): &(String, CompressPlan)| match squeeze(study, plan, label, run, parts)
-    {
-        Err(Failure::Numerics(why) | Failure::BadInput(why)) => Ok(Err(why)),
-        found => found.map(Ok),
-    };
+    let one =
+        |(label, plan): &(String, CompressPlan)| match squeeze(study, plan, label, run, &outcome) {
+            Err(Failure::Numerics(why) | Failure::BadInput(why)) => Ok(Err(why)),
+            found => found.map(Ok),
+        };
     ways.iter().map(one).collect()
 }
 
@@ -323,7 +322,6 @@ fn share(
                     view: plan.view,
                     intent,
                     subject: study.subject.id.clone(),
-                    energy_kev: picture.energy_kev,
                 };
                 let file = run.stage(&format!("{name}_{word}"), &dicom, (phantom, taken))?;
                 run.export(&format!("images/{name}_{word}.dcm"), &file)?;
@@ -406,7 +404,7 @@ fn squeeze(
     plan: &CompressPlan,
     label: &str,
     run: &Run<'_>,
-    (mesh, calibration): (&Stored<BreastMesh>, &Stored<Calibration>),
+    Outcome { reference, poses, mesh, calibration, .. }: &Outcome,
 ) -> Result<Squeezed, Failure> {
     let cad: Option<Stored<TriMesh>> = match &plan.cad {
         Some(cad) => Some(run.external("compress.cad.file", &cad.file)?),
@@ -417,16 +415,20 @@ fn squeeze(
     let comfort = Comfort { plan: study.comfort };
     let mut metrics = vec![run.stage(label, &comfort, &compression)?];
     let (mut phantom, mut mammograms) = (None, None);
-    if let Some(MammogramPlan { energy_kev, exposure, pixel_mm, monte_carlo, .. }) = study.mammogram
-    {
-        let filled = Phantom { plan: study.mammogram.clone().unwrap_or_default(), seed: SEED };
-        let filled = run.stage(label, &filled, &compression)?;
-        let mammogram = Mammogram { energy_kev, pixel_mm, exposure, seed: SEED };
-        let taken = run.stage(label, &mammogram, &filled)?;
-        let quality = Quality { energy_kev, pixel_mm };
-        metrics.push(run.stage(label, &quality, (&filled, &taken))?);
-        if let Some(plan) = monte_carlo {
-            let transport = MonteCarlo { plan, energy_kev, pixel_mm, seed: SEED };
+    if let Some(plan) = &study.mammogram {
+        let gland = match plan.gland {
+            Where::Segmented => {
+                let inputs = (&poses[reference].labels, mesh, &compression);
+                Some(run.stage(label, &Gland::default(), inputs)?)
+            }
+            Where::Uniform => None,
+        };
+        let filled = Phantom { plan: plan.clone(), seed: SEED };
+        let filled = run.stage(label, &filled, (&compression, gland.as_ref()))?;
+        let taken = run.stage(label, &Mammogram { seed: SEED }, &filled)?;
+        metrics.push(run.stage(label, &Quality, (&filled, &taken))?);
+        if let Some(plan) = plan.monte_carlo {
+            let transport = MonteCarlo { plan, seed: SEED };
             metrics.push(run.stage(label, &transport, (&filled, &taken))?);
         }
         (phantom, mammograms) = (Some(filled), Some(taken));

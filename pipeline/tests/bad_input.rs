@@ -178,3 +178,29 @@ fn unknown_keys_and_wrong_units() {
     inputs.text("study.toml", &format!("{STUDY}[mesh]\nsize_mm = 0.008\n"));
     inputs.refused(&["study.toml", "mesh.size_mm", "write a number from"]);
 }
+
+/// A mammogram whose dose or attenuation has no table, or whose contents have no place.
+#[test]
+fn mammograms_beyond_the_tables() {
+    let inputs = Inputs::new();
+    let compress = "[compress]\nside = \"right\"\nchest_wall_distance_mm = 20.0\n\
+                    law = { name = \"neo_hookean\" }\n";
+    for (stop, mammogram, parts) in [
+        (15.0, "", &["compress.stop.thickness_mm", "Dance's tables", "20 - 110 mm"][..]),
+        (115.0, "", &["compress.stop.thickness_mm", "Dance's tables"]),
+        (46.0, "energy_kev = 55.0", &["mammogram.energy_kev", "from 5 to 50"]),
+        (46.0, "energy_kev = 4.0", &["mammogram.energy_kev", "from 5 to 50"]),
+        (
+            46.0,
+            "beam = { target_filter = \"W/Al\", kv = 28 }",
+            &["mammogram.beam", "there are", "W/Rh at 28 kV"],
+        ),
+        (46.0, "masses = [{ radii_mm = [5, 5, 5] }]", &["mammogram.masses[0]", "center_mm"]),
+        (46.0, "unit = { lag = 0.9 }", &["mammogram.unit.lag"]),
+    ] {
+        let stop = format!("stop = {{ thickness_mm = {stop:.1} }}\n");
+        let text = format!("{STUDY}{compress}{stop}[mammogram]\n{mammogram}\n");
+        inputs.text("study.toml", &text);
+        inputs.refused(&[&["study.toml", "line "], parts].concat());
+    }
+}

@@ -7,25 +7,18 @@ use mammotwin_data::{
     progress::Progress,
     radiograph::Radiograph,
     store::{Artifact, Stage},
-    study::Exposure,
 };
 use mammotwin_imaging::xray::{
     calibration::{Anchor, Unit, calibrate},
     exposure::expose,
-    project::project,
+    project::{fits, project},
 };
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Projects the phantoms and takes their pictures.
+/// Projects the phantoms and takes their pictures, as the plan of the phantom says.
 #[derive(Debug, Clone, Serialize)]
 pub struct Mammogram {
-    /// Photon energy (keV).
-    pub energy_kev: f64,
-    /// Pixel pitch (mm).
-    pub pixel_mm: f64,
-    /// How the exposure is set.
-    pub exposure: Exposure,
     /// Seed of the quantum noise.
     pub seed: u64,
 }
@@ -39,6 +32,8 @@ pub struct Technique {
     pub photons_per_mm2: f64,
     /// Incident air kerma (mGy) at the upper surface of the breast.
     pub kerma_mgy: f64,
+    /// What automatic and fixed exposure would give (mGy); absent where automatic sees no breast.
+    pub kerma_of_controls_mgy: [Option<f64>; 2],
 }
 
 /// The pictures.
@@ -75,8 +70,8 @@ impl Artifact for Mammograms {
 
 impl Stage for Mammogram {
     const NAME: &'static str = "mammogram";
-    const VERSION: u32 = 1;
-    const METHODS: &'static str = "Primary photons were projected from a point source through the exact surfaces onto \
+    const VERSION: u32 = 2;
+    const METHODS: &'static str = "Primary photons were projected from a point source (or a focal spot) through the exact surfaces onto \
          the detector; light spread follows the published transfer function of a caesium iodide \
          detector, and quantum noise is Poisson. Scatter is not included.";
     type Input = CompressedPhantom;
@@ -89,7 +84,8 @@ impl Stage for Mammogram {
     ) -> Result<Mammograms, Failure> {
         let refuse =
             |cause: &dyn std::fmt::Display| Failure::BadInput(format!("mammogram: {cause}"));
-        let unit = Unit::pristina(self.pixel_mm, self.energy_kev);
+        let unit = Unit::of(&phantom.plan).map_err(|c| refuse(&c))?;
+        fits(&phantom.surface, &unit.geometry).map_err(|c| refuse(&c))?;
         let calibration = calibrate(&Anchor::default(), &unit).map_err(|c| refuse(&c))?;
         let mut made = Mammograms { techniques: Vec::new(), pictures: Vec::new() };
         let diameters = &phantom.plan.calcifications.diameter_mm;
@@ -98,12 +94,17 @@ impl Stage for Mammogram {
             let one = phantom.with_diameter(diameter_mm).map_err(|c| refuse(&c))?;
             let projection = project(&one, &unit.geometry).map_err(|c| refuse(&c))?;
             let seed = self.seed.wrapping_add(n as u64);
-            let taken = expose(&one, &projection, &unit, &calibration, self.exposure, seed)
+            let control = phantom.plan.exposure;
+            let mut taken = expose(&one, &projection, &unit, &calibration, control, seed)
                 .map_err(|c| refuse(&c))?;
+            if let Some(before) = made.pictures.last() {
+                unit.detector.remember(&mut taken.noisy, before);
+            }
             made.techniques.push(Technique {
                 diameter_mm,
                 photons_per_mm2: taken.photons_per_mm2,
                 kerma_mgy: taken.kerma_mgy,
+                kerma_of_controls_mgy: taken.kerma_of_controls_mgy,
             });
             made.pictures.push(taken.noisy);
         }

@@ -20,15 +20,12 @@ use serde::Serialize;
 /// Radius (mm) around the middle of the microcalcifications in which scatter is averaged.
 const DISC_MM: f64 = 20.0;
 
-/// Follows photons of the dose tables' beam (34 kV Rh/Ag behind the paddle) through the breast.
+/// Follows photons of the picture's tube, or of the dose tables' beam (34 kV Rh/Ag) for a picture of one
+/// energy, behind the paddle, through the breast.
 #[derive(Debug, Clone, Serialize)]
 pub struct MonteCarlo {
     /// How many photons.
     pub plan: MonteCarloPlan,
-    /// Photon energy (keV) of the picture.
-    pub energy_kev: f64,
-    /// Pixel pitch (mm) of the picture.
-    pub pixel_mm: f64,
     /// Seed of the photons.
     pub seed: u64,
 }
@@ -38,12 +35,18 @@ impl MonteCarlo {
         let refuse =
             |cause: &dyn std::fmt::Display| Failure::BadInput(format!("monte_carlo: {cause}"));
         let thickness = phantom.thickness_mm;
-        let body = phantom.body().map_err(|c| refuse(&c))?;
+        let (body, inclusions) = phantom.body().map_err(|c| refuse(&c))?;
         let paddle = Material::named("pmma").map_err(|c| refuse(&c))?;
-        let tube = Spectrum::of_tube("Rh/Ag", 34).map_err(|c| refuse(&c))?;
+        let (name, kv) = match &phantom.plan.beam {
+            Some(beam) => (beam.target_filter.as_str(), beam.kv),
+            None => ("Rh/Ag", 34),
+        };
+        let tube = Spectrum::of_tube(name, kv).map_err(|c| refuse(&c))?;
         let beam = tube.behind(&paddle, 2.5).map_err(|c| refuse(&c))?.of_all();
-        let usual = Setup::usual(phantom.plan.glandularity).map_err(|c| refuse(&c))?;
-        let setup = Setup { paddle_mm: 0.0, kerma_height_mm: Some(thickness), ..usual };
+        let usual = Setup::usual(phantom.glandularity).map_err(|c| refuse(&c))?;
+        let tissue = phantom.tissue().map_err(|c| refuse(&c))?;
+        let setup =
+            Setup { paddle_mm: 0.0, kerma_height_mm: Some(thickness), tissue, inclusions, ..usual };
         let histories = Histories { photons: self.plan.photons, seed: self.seed };
         examine(body, &setup, &unit.geometry, &beam, histories).map_err(|c| refuse(&c))
     }
@@ -51,7 +54,7 @@ impl MonteCarlo {
 
 impl Stage for MonteCarlo {
     const NAME: &'static str = "monte_carlo";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "Dose and scatter in the compressed breast itself were computed by Monte Carlo photon \
          transport (photoelectric effect, Compton scatter with incoherent scattering functions, Rayleigh \
          scatter with form factors; checked against case 3 of AAPM TG-195) with 34 kV Rh/Ag.";
@@ -65,14 +68,14 @@ impl Stage for MonteCarlo {
     ) -> Result<Metrics, Failure> {
         let refuse =
             |cause: &dyn std::fmt::Display| Failure::BadInput(format!("monte_carlo: {cause}"));
-        let unit = Unit::pristina(self.pixel_mm, self.energy_kev);
+        let unit = Unit::of(&phantom.plan).map_err(|c| refuse(&c))?;
         let exam = self.examine(phantom, &unit)?;
         let mut metrics = Vec::new();
         let mut add = |name: &str, long: &str, unit: &str, value: f64| {
             metrics.push(Metric::new(name, long, unit, value, "Monte Carlo photon transport"));
         };
         if let Some(technique) = mammograms.techniques.first() {
-            let (thickness, gland) = (phantom.thickness_mm, phantom.plan.glandularity);
+            let (thickness, gland) = (phantom.thickness_mm, phantom.glandularity);
             let dance = average_glandular_dose(1.0, thickness, gland, &unit.dose_beam)
                 .map_err(|c| refuse(&c))?;
             let dose = exam.dose_per_kerma.times(technique.kerma_mgy);

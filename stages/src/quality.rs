@@ -21,12 +21,7 @@ use std::path::Path;
 
 /// Measures signal, contrast and noise around each microcalcification, and the dose.
 #[derive(Debug, Clone, Serialize)]
-pub struct Quality {
-    /// Photon energy (keV).
-    pub energy_kev: f64,
-    /// Pixel pitch (mm).
-    pub pixel_mm: f64,
-}
+pub struct Quality;
 
 /// Numbers of the report.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -66,7 +61,7 @@ const THESIS_AGD_MGY: f64 = 1.20;
 
 impl Stage for Quality {
     const NAME: &'static str = "quality";
-    const VERSION: u32 = 3;
+    const VERSION: u32 = 4;
     const METHODS: &'static str = "Signal-to-noise and signal-difference-to-noise ratios are those of Mîra (2018, \
          eqs. 5.1-5.5) in squares of 1 cm, as printed and with the plane of the background removed. \
          Average glandular dose is K g c s (Dance, Phys. Med. Biol. 45 (2000) 3225).";
@@ -79,7 +74,7 @@ impl Stage for Quality {
         _: &dyn Progress,
     ) -> Result<Metrics, Failure> {
         let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("quality: {cause}"));
-        let unit = Unit::pristina(self.pixel_mm, self.energy_kev);
+        let unit = Unit::of(&phantom.plan).map_err(|c| refuse(&c))?;
         let (mut metrics, mut measured) = (Vec::new(), Vec::new());
         for (technique, picture) in mammograms.techniques.iter().zip(&mammograms.pictures) {
             let one = phantom.with_diameter(technique.diameter_mm).map_err(|c| refuse(&c))?;
@@ -113,7 +108,7 @@ impl Stage for Quality {
         }
         if let Some(technique) = mammograms.techniques.first() {
             let kerma = technique.kerma_mgy;
-            let (thickness, gland) = (phantom.thickness_mm, phantom.plan.glandularity);
+            let (thickness, gland) = (phantom.thickness_mm, phantom.glandularity);
             let dose = average_glandular_dose(kerma, thickness, gland, &unit.dose_beam)
                 .map_err(|c| refuse(&c))?;
             let mut add = |name: &str, long: &str, unit: &str, value: f64, source: &str| {
@@ -125,6 +120,24 @@ impl Stage for Quality {
             add("dance_g", "Dance factor g", "mGy/mGy", dose.g, "Dance 1990, 2000");
             add("dance_c", "Dance factor c", "", dose.c, "Monte Carlo of Dance's model");
             add("dance_s", "Dance factor s", "", dose.s, "Monte Carlo of Dance's model");
+            let controls = [
+                ("agd_automatic_mgy", "dose under automatic exposure"),
+                ("agd_fixed_mgy", "dose with the photons of the 46 mm phantom"),
+            ];
+            for ((name, long), kerma) in controls.into_iter().zip(technique.kerma_of_controls_mgy) {
+                if let Some(kerma) = kerma {
+                    let of_control = dose.agd_mgy / dose.kerma_mgy * kerma;
+                    add(name, long, "mGy", of_control, "Dance 2000; anchor: 1.15 mGy at 46 mm");
+                }
+            }
+            let shares = "gland in front of the detector's edge, without skin";
+            let counted = match phantom.gland {
+                Some(_) => "labels, carried by the tissue",
+                None => "study",
+            };
+            add("glandularity", &format!("{shares}, by mass"), "", gland, counted);
+            let by_volume = phantom.gland_volume_share;
+            add("gland_volume_share", &format!("{shares}, by volume"), "", by_volume, counted);
             for metric in metrics.iter_mut().filter(|m| m.name == "agd_mgy") {
                 metric.thesis = Some(THESIS_AGD_MGY);
             }

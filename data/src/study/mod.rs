@@ -7,8 +7,10 @@ mod compression;
 mod interface;
 mod law;
 mod locate;
+mod mammogram;
 mod paddles;
 mod validate;
+mod validate_mammogram;
 mod validate_paddles;
 mod wording;
 
@@ -18,6 +20,10 @@ pub use compression::{
 };
 pub use interface::{InterfaceKind, InterfacePlan, InterfaceRegion, RegionPlan};
 pub use law::{BadConstant, LawConstants, LawName, OgdenTerms};
+pub use mammogram::{
+    AbsorberPlan, BeamPlan, CalcificationPlan, Exposure, FocalSpotPlan, Gland, MammogramPlan,
+    MassPlan, MonteCarloPlan, QuantumNoise, SpotShape, UnitPlan,
+};
 pub use paddles::{
     BiopsyPlan, CadPlan, CushionPlan, EDGE_RADIUS_MM, OutlinePlan, SpotName, SpotPlan,
 };
@@ -344,80 +350,4 @@ pub struct CalibratePlan {
     pub parameters: Vec<String>,
     /// How the stress-free shape is found.
     pub stress_free: StressFree,
-}
-
-/// How the exposure is set.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Exposure {
-    /// Constant detector signal.
-    #[default]
-    Automatic,
-    /// The tube output of the 46 mm calibration phantom.
-    Fixed,
-}
-
-/// The picture.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct MammogramPlan {
-    /// Photon energy (keV).
-    pub energy_kev: f64,
-    /// How the exposure is set.
-    pub exposure: Exposure,
-    /// Pixel pitch (mm).
-    pub pixel_mm: f64,
-    /// Mass fraction of gland in the phantom (0..1).
-    pub glandularity: f64,
-    /// The matrix of microcalcifications.
-    pub calcifications: CalcificationPlan,
-    /// Dose and scatter by Monte Carlo; not computed when absent.
-    pub monte_carlo: Option<MonteCarloPlan>,
-}
-
-impl Default for MammogramPlan {
-    fn default() -> Self {
-        Self {
-            energy_kev: 24.0,
-            exposure: Exposure::Automatic,
-            pixel_mm: 0.1,
-            glandularity: 0.2,
-            calcifications: CalcificationPlan::default(),
-            monte_carlo: None,
-        }
-    }
-}
-
-/// Photon transport through the compressed breast.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct MonteCarloPlan {
-    /// Photons to follow.
-    pub photons: u64,
-}
-
-impl Default for MonteCarloPlan {
-    fn default() -> Self {
-        Self { photons: 1_000_000 }
-    }
-}
-
-/// A matrix of microcalcifications at mid-thickness; one picture for each diameter.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CalcificationPlan {
-    /// Away from the chest wall.
-    pub rows: usize,
-    /// Along x.
-    pub columns: usize,
-    /// Distance of neighbours (mm).
-    pub pitch_mm: f64,
-    /// Diameters (mm).
-    pub diameter_mm: Vec<f64>,
-}
-
-impl Default for CalcificationPlan {
-    fn default() -> Self {
-        Self { rows: 7, columns: 3, pitch_mm: 10.0, diameter_mm: vec![0.2, 0.3] }
-    }
 }

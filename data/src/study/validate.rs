@@ -1,8 +1,8 @@
 //! Reads a study and refuses what cannot be meant.
 
 use super::{
-    ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, MammogramPlan, ModelPlan, Pose,
-    RegionPlan, Study, Use, View, locate::Places, validate_paddles, wording,
+    ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, ModelPlan, Pose, RegionPlan,
+    Study, Use, View, locate::Places, validate_mammogram, validate_paddles, wording,
 };
 use std::ops::Range;
 
@@ -106,9 +106,13 @@ fn check(study: &Study) -> Checked {
     study.compress.as_ref().map_or(Ok(()), compress)?;
     start(study)?;
     comfort(&study.comfort)?;
-    study.mammogram.as_ref().map_or(Ok(()), mammogram)?;
-    if study.mammogram.is_some() && study.compress.is_none() {
-        return refuse("mammogram", "needs a compressed breast; add a table [compress]");
+    study.mammogram.as_ref().map_or(Ok(()), validate_mammogram::mammogram)?;
+    match (&study.mammogram, &study.compress) {
+        (Some(_), None) => {
+            refuse("mammogram", "needs a compressed breast; add a table [compress]")?;
+        }
+        (Some(_), Some(plan)) => validate_mammogram::thickness(plan.stop.thickness_mm)?,
+        (None, _) => {}
     }
     Ok(())
 }
@@ -266,25 +270,6 @@ fn comfort(plan: &ComfortPlan) -> Checked {
     within("comfort.juxtathoracic_mm", plan.juxtathoracic_mm, 1.0, 100.0)?;
     within("comfort.mat_pitch_mm", plan.mat_pitch_mm, 1.0, 100.0)?;
     within("comfort.mat_threshold_kpa", plan.mat_threshold_kpa, 0.0, 100.0)
-}
-
-fn mammogram(plan: &MammogramPlan) -> Checked {
-    within("mammogram.energy_kev", plan.energy_kev, 5.0, 150.0)?;
-    within("mammogram.pixel_mm", plan.pixel_mm, 0.01, 5.0)?;
-    within("mammogram.glandularity", plan.glandularity, 0.0, 1.0)?;
-    if let Some(monte_carlo) = plan.monte_carlo {
-        let photons = monte_carlo.photons as f64;
-        within("mammogram.monte_carlo.photons", photons, 1000.0, 1e10)?;
-    }
-    let matrix = &plan.calcifications;
-    for (key, count) in [("rows", matrix.rows), ("columns", matrix.columns)] {
-        within(&format!("mammogram.calcifications.{key}"), count as f64, 0.0, 100.0)?;
-    }
-    within("mammogram.calcifications.pitch_mm", matrix.pitch_mm, 0.1, 100.0)?;
-    for (n, diameter) in matrix.diameter_mm.iter().enumerate() {
-        within(&format!("mammogram.calcifications.diameter_mm[{n}]"), *diameter, 0.01, 5.0)?;
-    }
-    Ok(())
 }
 
 /// Young's modulus (kPa). Tissues have 0.1 to 1 000; a larger number is mostly one in Pa.

@@ -248,6 +248,46 @@ fn numbers_that_cannot_be_meant_are_refused() {
 }
 
 #[test]
+fn mammograms_that_cannot_be_are_refused() {
+    let key = "energy_kev = 24.0";
+    for (with, parts) in [
+        ("energy_kev = 60.0", &["mammogram.energy_kev", "5 to 50"][..]),
+        ("beam = { target_filter = \"Rh/Ag\", kv = 30 }", &["mammogram.beam", "Rh/Ag at 34 kV"]),
+        ("gland = \"random\"", &["mammogram.gland", "uniform, segmented"]),
+        ("unit = { heel_per_100mm = 2.0 }", &["mammogram.unit.heel_per_100mm", "0 to 0.3"]),
+        ("unit = { lag = -0.1 }", &["mammogram.unit.lag"]),
+        ("unit = { electronic_noise_quanta = nan }", &["electronic_noise_quanta"]),
+        ("unit = { focal_spot = { width_mm = 30.0 } }", &["mammogram.unit.focal_spot.width_mm"]),
+        ("unit = { field_mm = [0.0, 100.0] }", &["mammogram.unit.field_mm[0]"]),
+        (
+            "unit = { paddle = { material = \"glass\", thickness_mm = 2.5 } }",
+            &["mammogram.unit.paddle.material", "polycarbonate"],
+        ),
+        ("masses = [{ radii_mm = [5, 5, 5] }]", &["mammogram.masses[0]", "center_share"]),
+        (
+            "masses = [{ radii_mm = [5, 5, 0], center_mm = [0, 50, 25] }]",
+            &["mammogram.masses[0].radii_mm[2]"],
+        ),
+        (
+            "masses = [{ radii_mm = [5, 5, 5], center_share = [0.5, 1.5, 0.5] }]",
+            &["mammogram.masses[0].center_share[1]"],
+        ),
+        (
+            "masses = [{ material = \"cheese\", radii_mm = [5, 5, 5], center_mm = [0, 5, 5] }]",
+            &["mammogram.masses[0].material", "hydroxyapatite"],
+        ),
+    ] {
+        refused(key, with, parts);
+    }
+    let all = "beam = { target_filter = \"W/Rh\", kv = 28 }\ngland = \"segmented\"\n\
+               masses = [{ radii_mm = [5, 5, 5], center_mm = [0, 50, 25] }]\n\
+               unit = { focal_spot = { width_mm = 0.3 }, lag = 0.01 }";
+    let plan = parse(&GOOD.replacen(key, all, 1)).unwrap().mammogram.unwrap();
+    assert_eq!(plan.masses[0].material, "glandular_hammerstein");
+    assert_eq!(plan.unit.source_height_mm, 660.0);
+}
+
+#[test]
 fn missing_parts_are_named() {
     refused("posture = \"prone\"\n", "", &["poses.prone", "gravity is not given"]);
     refused("jm = 1.0, ", "", &["compress.law.jm", "needs jm"]);

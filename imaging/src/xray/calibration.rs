@@ -2,11 +2,13 @@
 
 use crate::xray::{
     attenuation::{AttenuationError, Material},
-    detector::Detector,
+    detector::{Detector, Noise},
     dose::{DoseBeam, DoseError, average_glandular_dose},
+    focal_spot::FocalSpot,
     geometry::Geometry,
-    spectrum::Spectrum,
+    spectrum::{Spectrum, UnknownBeam},
 };
+use mammotwin_data::study::{AbsorberPlan, MammogramPlan, QuantumNoise};
 
 /// A mammography unit.
 #[derive(Debug, Clone, PartialEq)]
@@ -19,7 +21,47 @@ pub struct Unit {
     pub detector: Detector,
     /// The same beam as the dose tables know it.
     pub dose_beam: DoseBeam,
+    /// The paddle in the beam, if it counts.
+    pub paddle: Option<Absorber>,
+    /// What lies between breast and detector, if it counts.
+    pub receptor: Option<Absorber>,
+    /// Where photons leave the target.
+    pub focal_spot: FocalSpot,
+    /// Share of the photons that is missing for each 100 mm away from the chest wall.
+    pub heel_per_100mm: f64,
 }
+
+/// A flat absorber across the whole beam.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Absorber {
+    /// What it is made of.
+    pub material: Material,
+    /// Thickness (mm).
+    pub thickness_mm: f64,
+}
+
+impl Absorber {
+    fn of(plan: &AbsorberPlan) -> Result<Self, AttenuationError> {
+        let material = Material::named(&plan.material)?;
+        Ok(Self { material, thickness_mm: plan.thickness_mm })
+    }
+}
+
+/// Why there is no unit.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum UnitError {
+    /// A material has no attenuation.
+    #[error(transparent)]
+    Material(#[from] AttenuationError),
+    /// No such spectrum.
+    #[error(transparent)]
+    Beam(#[from] UnknownBeam),
+}
+
+/// Air (mm) between focal spot and breast that hardens the beam of a tube.
+const AIR_MM: f64 = 560.0;
+/// The paddle (mm of PMMA) of a tube's beam for which none is stated: that of the dose tables.
+const PADDLE_MM: f64 = 2.5;
 
 impl Unit {
     /// Senographe Pristina as the thesis simulates it (Mîra 2018, § 5.2.1), with the published
@@ -30,7 +72,64 @@ impl Unit {
             spectrum: Spectrum::mono(energy_kev),
             detector: Detector::essential(),
             dose_beam: DoseBeam::rhodium_silver_34_kvp(),
+            paddle: None,
+            receptor: None,
+            focal_spot: FocalSpot::point(),
+            heel_per_100mm: 0.0,
         }
+    }
+
+    /// The unit of a study. The spectrum of a tube is that behind air, its paddle is 2.5 mm of PMMA unless
+    /// the study states one, its doses are those of its own half-value layer, and light spreads its noise:
+    /// white noise of the anchor's SNR would ask for more quanta than photons.
+    pub fn of(plan: &MammogramPlan) -> Result<Self, UnitError> {
+        let around = &plan.unit;
+        let absorber = |plan: &Option<AbsorberPlan>| plan.as_ref().map(Absorber::of).transpose();
+        let mut unit = Self {
+            geometry: Geometry::covering(around.source_height_mm, around.field_mm, plan.pixel_mm),
+            paddle: absorber(&around.paddle)?,
+            receptor: absorber(&around.receptor)?,
+            focal_spot: around.focal_spot.as_ref().map_or_else(FocalSpot::point, FocalSpot::of),
+            heel_per_100mm: around.heel_per_100mm,
+            ..Self::pristina(plan.pixel_mm, plan.energy_kev)
+        };
+        unit.detector.electronic_noise = around.electronic_noise_quanta;
+        unit.detector.lag = around.lag;
+        unit.detector.noise = match (around.noise, &plan.beam) {
+            (Some(QuantumNoise::BeforeLight), _) | (None, Some(_)) => Noise::BeforeLight,
+            (Some(QuantumNoise::AfterLight), _) | (None, None) => Noise::AfterLight,
+        };
+        if let Some(beam) = &plan.beam {
+            let tube = Spectrum::of_tube(&beam.target_filter, beam.kv)?;
+            unit.spectrum = tube.behind(&Material::named("air")?, AIR_MM)?.of_all();
+            let pmma = Absorber { material: Material::named("pmma")?, thickness_mm: PADDLE_MM };
+            let paddle = unit.paddle.get_or_insert(pmma);
+            let behind = unit.spectrum.behind(&paddle.material, paddle.thickness_mm)?;
+            unit.dose_beam = DoseBeam {
+                target_filter: beam.target_filter.clone(),
+                hvl_mm_al: behind.hvl_mm_al()?,
+            };
+        }
+        Ok(unit)
+    }
+
+    /// Attenuation (no unit) of paddle and receptor along the shortest way, at an energy (keV).
+    pub fn plates(&self, energy_kev: f64) -> Result<f64, AttenuationError> {
+        let mut sum = 0.0;
+        for plate in self.paddle.iter().chain(&self.receptor) {
+            sum += plate.material.attenuation_per_mm(energy_kev)? * plate.thickness_mm;
+        }
+        Ok(sum)
+    }
+
+    /// Share of the photons that pass tissue, paddle and receptor along the shortest way.
+    fn transmission(&self, tissue: &Material, path_mm: f64) -> Result<f64, AttenuationError> {
+        let mut sum = 0.0;
+        for line in &self.spectrum.lines {
+            let depth = tissue.attenuation_per_mm(line.energy_kev)? * path_mm;
+            sum += line.share * (-depth - self.plates(line.energy_kev)?).exp();
+        }
+        Ok(sum)
     }
 }
 
@@ -72,7 +171,8 @@ pub enum CalibrationError {
     /// More quanta counted than photons there.
     #[error(
         "the anchor wants {efficiency:.2} counted quanta for each photon that reaches the \
-         detector: its SNR is too high for its dose"
+         detector: its SNR is too high for its dose; quantum noise before the spread of light needs fewer \
+         (mammogram.unit.noise = \"before_light\")"
     )]
     Efficiency {
         /// Counted quanta per photon.
@@ -86,11 +186,12 @@ pub struct Calibration {
     /// Quanta per pixel of the unit that the anchor's SNR needs: the signal that automatic
     /// exposure holds.
     pub quanta_per_pixel: f64,
-    /// Photons per mm² below the focal spot, without object.
+    /// Photons per mm² below the focal spot, without object and paddle.
     pub photons_per_mm2: f64,
     /// Incident air kerma (mGy) at the upper surface of the anchor.
     pub kerma_mgy: f64,
-    /// Counted quanta per photon that reaches the detector (grid, cover, absorption).
+    /// Counted quanta per photon that reaches the detector (grid, cover, absorption), that is what passes
+    /// plates that are in the beam.
     pub efficiency: f64,
 }
 
@@ -106,7 +207,7 @@ pub fn calibrate(anchor: &Anchor, unit: &Unit) -> Result<Calibration, Calibratio
     let pitch_mm = unit.geometry.pitch_mm;
     let quanta_per_mm2 = anchor.snr.powi(2) * unit.detector.noise_power(ANCHOR_PITCH_MM)
         / (ANCHOR_PITCH_MM * ANCHOR_PITCH_MM);
-    let transmission = unit.spectrum.transmission(&tissue, anchor.thickness_mm)?;
+    let transmission = unit.transmission(&tissue, anchor.thickness_mm)?;
     let efficiency = quanta_per_mm2 / (photons_per_mm2 * transmission);
     if efficiency > 1.0 {
         return Err(CalibrationError::Efficiency { efficiency });
@@ -116,10 +217,14 @@ pub fn calibrate(anchor: &Anchor, unit: &Unit) -> Result<Calibration, Calibratio
 }
 
 impl Unit {
-    /// Incident air kerma (mGy) at a height above the detector, of photons per mm² on it.
+    /// Incident air kerma (mGy) behind the paddle at a height above the detector, of photons per mm² on
+    /// the detector without either.
     pub fn kerma_mgy(&self, photons_per_mm2: f64, height_mm: f64) -> Result<f64, AttenuationError> {
         let air = Material::named("air")?;
-        let of_one = self.spectrum.kerma_mgy_mm2(&air, 0.0)?;
+        let of_one = match &self.paddle {
+            Some(plate) => self.spectrum.kerma_mgy_mm2(&plate.material, plate.thickness_mm)?,
+            None => self.spectrum.kerma_mgy_mm2(&air, 0.0)?,
+        };
         Ok(photons_per_mm2 * self.geometry.closer(height_mm) * of_one)
     }
 }

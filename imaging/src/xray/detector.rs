@@ -4,7 +4,7 @@ use crate::xray::mtf::Scintillator;
 use mammotwin_data::radiograph::Radiograph;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, Poisson};
+use rand_distr::{Distribution, Poisson, StandardNormal};
 use rayon::prelude::*;
 
 /// Where quantum noise arises.
@@ -27,13 +27,17 @@ pub struct Detector {
     pub scintillator: Option<Scintillator>,
     /// Where quantum noise arises.
     pub noise: Noise,
+    /// Electronic noise of a pixel (quanta, root mean square).
+    pub electronic_noise: f64,
+    /// Share of the picture before that is left in a picture.
+    pub lag: f64,
 }
 
 impl Detector {
     /// The published curve of the Senographe Essential: none of the Pristina was found.
     pub fn essential() -> Self {
         let scintillator = Scintillator::published("GE_Senographe_Essential");
-        Self { scintillator, noise: Noise::AfterLight }
+        Self { scintillator, noise: Noise::AfterLight, electronic_noise: 0.0, lag: 0.0 }
     }
 
     /// The mean picture of a mean number of absorbed quanta, and one noisy picture of it.
@@ -43,11 +47,35 @@ impl Detector {
             None => picture.clone(),
         };
         let signal = spread(quanta);
-        let noisy = match self.noise {
+        let mut noisy = match self.noise {
             Noise::AfterLight => draw(&signal, seed),
             Noise::BeforeLight => spread(&draw(quanta, seed)),
         };
+        if self.electronic_noise > 0.0 {
+            self.amplify(&mut noisy, seed);
+        }
         [signal, noisy]
+    }
+
+    /// Adds the noise of the electronics: white, Gaussian, in streams beyond those of the quanta. Pixels
+    /// may fall below zero, as they do before an offset is added.
+    fn amplify(&self, picture: &mut Radiograph, seed: u64) {
+        let first = picture.rows as u64;
+        picture.pixels.par_chunks_mut(picture.columns).enumerate().for_each(|(row, pixels)| {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            random.set_stream(first + row as u64);
+            for pixel in pixels {
+                let normal: f64 = StandardNormal.sample(&mut random);
+                *pixel += (self.electronic_noise * normal) as f32;
+            }
+        });
+    }
+
+    /// Adds what is left of the picture before, as that one was read.
+    pub fn remember(&self, picture: &mut Radiograph, before: &Radiograph) {
+        for (pixel, ghost) in picture.pixels.iter_mut().zip(&before.pixels) {
+            *pixel += (self.lag * f64::from(*ghost)) as f32;
+        }
     }
 
     /// Variance of a pixel over its mean number of quanta, under uniform light.
@@ -107,10 +135,30 @@ mod tests {
 
     #[test]
     fn without_light_spread_snr_is_the_root_of_the_quanta() {
-        let bare = Detector { scintillator: None, noise: Noise::default() };
+        let bare = Detector { scintillator: None, ..Detector::essential() };
         let [_, noisy] = bare.read(&flat(400, 400, 10_000.0), 1);
         let [mean, variance] = moments(&noisy);
         assert!((mean / variance.sqrt() / 100.0 - 1.0).abs() < 0.01);
+    }
+
+    /// Variances add: quanta and electronics.
+    #[test]
+    fn electronic_noise_adds_its_variance_and_lag_its_share() {
+        let level = 900.0f32;
+        let noisy = |electronic_noise: f64| {
+            let bare = Detector { scintillator: None, electronic_noise, ..Detector::essential() };
+            let [_, noisy] = bare.read(&flat(500, 500, level), 4);
+            noisy
+        };
+        let [mean, variance] = moments(&noisy(40.0));
+        assert!((mean - 900.0).abs() < 4.0 * (2500.0f64 / 250_000.0).sqrt(), "{mean}");
+        assert!((variance / (900.0 + 1600.0) - 1.0).abs() < 0.012, "{variance}");
+        assert_eq!(noisy(0.0), draw(&flat(500, 500, level), 4));
+
+        let mut after = flat(3, 4, 100.0);
+        let before = flat(3, 4, 700.0);
+        Detector { lag: 0.02, ..Detector::essential() }.remember(&mut after, &before);
+        assert!(after.pixels.iter().all(|&p| (p - 114.0).abs() < 1e-4));
     }
 
     #[test]

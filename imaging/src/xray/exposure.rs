@@ -1,10 +1,11 @@
 //! From path lengths to a picture: photons, quanta, noise.
 
 use crate::xray::{
-    attenuation::AttenuationError,
+    attenuation::{AttenuationError, Material},
     calibration::{Calibration, Unit},
     phantom::Phantom,
-    project::Projection,
+    project::{Projection, project_from},
+    raster::RasterError,
 };
 use mammotwin_data::{radiograph::Radiograph, study};
 use rayon::prelude::*;
@@ -18,6 +19,9 @@ pub enum ExposureError {
     /// A material has no attenuation.
     #[error(transparent)]
     Material(#[from] AttenuationError),
+    /// A surface cannot be projected.
+    #[error(transparent)]
+    Raster(#[from] RasterError),
     /// Automatic exposure sees no breast.
     #[error(
         "no pixel lies behind about {thickness_mm} mm of breast, which automatic exposure needs; \
@@ -36,10 +40,12 @@ pub struct Exposure {
     pub signal: Radiograph,
     /// One draw of it, with quantum noise.
     pub noisy: Radiograph,
-    /// Photons per mm² below the focal spot, without object.
+    /// Photons per mm² below the focal spot, without object and paddle.
     pub photons_per_mm2: f64,
     /// Incident air kerma (mGy) at the upper surface of the breast.
     pub kerma_mgy: f64,
+    /// What either control would give: automatic, if it sees a breast, and fixed.
+    pub kerma_of_controls_mgy: [Option<f64>; 2],
 }
 
 /// Takes the picture. Automatic exposure brings the mean signal behind the flat part of the breast
@@ -52,15 +58,17 @@ pub fn expose(
     control: study::Exposure,
     seed: u64,
 ) -> Result<Exposure, ExposureError> {
-    let mut quanta = transmission(phantom, projection, unit)?;
+    let mut quanta = of_spot(phantom, projection, unit)?;
     let pixel_mm2 = quanta.pitch_mm * quanta.pitch_mm;
     let per_photon = pixel_mm2 * calibration.efficiency;
+    let thickness_mm = phantom.thickness_mm;
+    let automatic = mean_behind(projection, &quanta, thickness_mm)
+        .map(|behind| calibration.quanta_per_pixel / (behind * per_photon));
+    let fixed = calibration.photons_per_mm2;
     let photons_per_mm2 = match control {
-        study::Exposure::Fixed => calibration.photons_per_mm2,
+        study::Exposure::Fixed => fixed,
         study::Exposure::Automatic => {
-            let behind = mean_behind(projection, &quanta, phantom.thickness_mm)
-                .ok_or(ExposureError::NothingBehind { thickness_mm: phantom.thickness_mm })?;
-            calibration.quanta_per_pixel / (behind * per_photon)
+            automatic.ok_or(ExposureError::NothingBehind { thickness_mm })?
         }
     };
     let scale = (photons_per_mm2 * per_photon) as f32;
@@ -71,31 +79,78 @@ pub fn expose(
         signal,
         noisy,
         photons_per_mm2,
-        kerma_mgy: unit.kerma_mgy(photons_per_mm2, phantom.thickness_mm)?,
+        kerma_mgy: unit.kerma_mgy(photons_per_mm2, thickness_mm)?,
+        kerma_of_controls_mgy: [
+            automatic.map(|photons| unit.kerma_mgy(photons, thickness_mm)).transpose()?,
+            Some(unit.kerma_mgy(fixed, thickness_mm)?),
+        ],
     })
 }
 
-/// Photons on each pixel over those below the focal spot without object.
+/// Photons on each pixel over those below the focal spot without object and plates: the mean over the
+/// focal spot.
+fn of_spot(
+    phantom: &Phantom,
+    middle: &Projection,
+    unit: &Unit,
+) -> Result<Radiograph, ExposureError> {
+    let geometry = &middle.geometry;
+    if let [_] = unit.focal_spot.points[..] {
+        return Ok(transmission(phantom, middle, unit)?);
+    }
+    let mut sum = vec![0f64; geometry.rows * geometry.columns];
+    for &(place, share) in &unit.focal_spot.points {
+        let seen = if place == middle.spot_mm {
+            transmission(phantom, middle, unit)?
+        } else {
+            transmission(phantom, &project_from(phantom, geometry, place)?, unit)?
+        };
+        sum.par_iter_mut().zip(&seen.pixels).for_each(|(s, &p)| *s += share * f64::from(p));
+    }
+    let pixels = sum.into_iter().map(|pixel| pixel as f32).collect();
+    Ok(geometry.picture(pixels, "photons over those without object"))
+}
+
+/// The same from one point.
 ///
-/// Primary photons only: exp(-Σ µ l) of each line, weakened by distance and slant. Calcifications
-/// replace tissue; they are averaged over the pixel after the exponential, as a pixel does.
+/// Primary photons only: exp(-Σ µ l) of each line, weakened by distance and slant, plates along the
+/// slant, and the heel effect. Calcifications replace what is around them; they are averaged over the
+/// pixel after the exponential, as a pixel does.
 pub fn transmission(
     phantom: &Phantom,
     projection: &Projection,
     unit: &Unit,
 ) -> Result<Radiograph, AttenuationError> {
     let geometry = &projection.geometry;
+    let [sx, sy] = projection.spot_mm;
     let mut sum = vec![0f64; geometry.rows * geometry.columns];
     for line in &unit.spectrum.lines {
-        let tissue = phantom.tissue.attenuation_per_mm(line.energy_kev)?;
-        let more = phantom.calcium.attenuation_per_mm(line.energy_kev)? - tissue;
+        let of = |material: &Material| material.attenuation_per_mm(line.energy_kev);
+        let tissue = of(&phantom.tissue)?;
+        let calcium = of(&phantom.calcium)?;
+        let plates = unit.plates(line.energy_kev)?;
+        let slanted = |n: usize| {
+            let [x, y] = geometry.pixel_mm(n / geometry.columns, n % geometry.columns);
+            plates * geometry.ray_mm([x - sx, y - sy]) / geometry.source_height_mm
+        };
         let mut passed: Vec<f64> = projection
             .breast
             .pixels
             .par_iter()
-            .map(|&path| line.share * (-tissue * f64::from(path)).exp())
+            .enumerate()
+            .map(|(n, &path)| {
+                let before = if plates > 0.0 { slanted(n) } else { 0.0 };
+                line.share * (-tissue * f64::from(path) - before).exp()
+            })
             .collect();
-        for insert in &projection.inserts {
+        for (region, inclusion) in projection.regions.iter().zip(&phantom.inclusions) {
+            let more = of(&inclusion.material)? - tissue;
+            for (row, column, path) in region.pixels().filter(|(_, _, path)| *path > 0.0) {
+                passed[row * geometry.columns + column] *= (-more * path).exp();
+            }
+        }
+        for (insert, grain) in projection.inserts.iter().zip(&phantom.calcifications) {
+            let more = calcium - grain.around.as_ref().map_or(Ok(tissue), of)?;
             for (row, column, weakened) in insert.pixels(|path| (-more * path).exp()) {
                 passed[row * geometry.columns + column] *= weakened;
             }
@@ -103,8 +158,9 @@ pub fn transmission(
         sum.par_iter_mut().zip(&passed).for_each(|(sum, passed)| *sum += passed);
     }
     let pixels = sum.par_iter().enumerate().map(|(n, &passed)| {
-        let at = geometry.pixel_mm(n / geometry.columns, n % geometry.columns);
-        (passed * geometry.relative_fluence(at)) as f32
+        let [x, y] = geometry.pixel_mm(n / geometry.columns, n % geometry.columns);
+        let heel = (1.0 - unit.heel_per_100mm * y / 100.0).max(0.0);
+        (passed * heel * geometry.relative_fluence([x - sx, y - sy])) as f32
     });
     Ok(geometry.picture(pixels.collect(), "photons over those without object"))
 }
@@ -148,6 +204,7 @@ mod tests {
             surface: cuboid([-90.0, -50.0, 0.0], [90.0, 120.0, thickness_mm]),
             thickness_mm,
             tissue: Material::breast(0.2).unwrap(),
+            inclusions: vec![],
             calcium: Material::calcification().unwrap(),
             calcifications,
         }
@@ -190,7 +247,7 @@ mod tests {
         let points = sphere(4).points.iter().map(|p| center + radius * p).collect();
         let surface = TriMesh { points, triangles: sphere(4).triangles };
         let site = Site { row: 0, column: 0, center };
-        let grain = Calcification { site, diameter_mm: 2.0 * radius, surface };
+        let grain = Calcification { site, diameter_mm: 2.0 * radius, surface, around: None };
         let geometry = Geometry { columns: 400, rows: 500, pitch_mm: 0.1, ..unit().geometry };
         let unit = Unit { geometry, ..unit() };
         let pictures = [vec![], vec![grain]].map(|grains| {
@@ -233,6 +290,9 @@ mod tests {
                 "{thickness}: {mean}"
             );
             let fixed = shot(study::Exposure::Fixed);
+            assert_eq!(fixed.kerma_of_controls_mgy, automatic.kerma_of_controls_mgy);
+            let both = [automatic.kerma_mgy, fixed.kerma_mgy].map(Some);
+            assert_eq!(fixed.kerma_of_controls_mgy, both);
             assert_eq!(fixed.photons_per_mm2, calibration.photons_per_mm2);
             let kerma = calibration.kerma_mgy * ((660.0 - 46.0f64) / (660.0 - thickness)).powi(2);
             assert!((fixed.kerma_mgy / kerma - 1.0).abs() < 1e-12);

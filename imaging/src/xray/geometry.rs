@@ -19,9 +19,14 @@ impl Geometry {
     /// Senographe Pristina as simulators describe it: focus at 660 mm, 2850 x 2394 pixels of
     /// 0.1 mm over 285 x 239.4 mm. Another pixel size covers the same field.
     pub fn pristina(pixel_mm: f64) -> Self {
-        let pixels = |field_mm: f64| (field_mm / pixel_mm).round().max(1.0) as usize;
-        let (columns, rows) = (pixels(285.0), pixels(239.4));
-        Self { source_height_mm: 660.0, columns, rows, pitch_mm: pixel_mm }
+        Self::covering(660.0, [285.0, 239.4], pixel_mm)
+    }
+
+    /// Pixels of this size on a field (mm) along the chest wall and away from it, a focal spot at this
+    /// height (mm).
+    pub fn covering(source_height_mm: f64, field_mm: [f64; 2], pixel_mm: f64) -> Self {
+        let [columns, rows] = field_mm.map(|extent| (extent / pixel_mm).round().max(1.0) as usize);
+        Self { source_height_mm, columns, rows, pitch_mm: pixel_mm }
     }
 
     /// x (mm) of the centre of column 0.

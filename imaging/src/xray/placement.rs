@@ -23,48 +23,88 @@ pub struct Site {
     pub center: Vec3,
 }
 
-/// Centres of the matrix at half of the thickness, parallel to the detector.
-///
-/// The matrix goes where most of it lies between the plates, and there as far as possible from
-/// where the breast leaves them: the smallest distance over its calcifications is as large as can
-/// be, measured as the square regions of interest are (largest of |Δx|, |Δy|). What does not lie in
-/// tissue is left out.
-pub fn sites(
-    surface: &TriMesh,
+/// Where things can be put into a compressed breast.
+pub struct Places {
+    map: Map,
     thickness_mm: f64,
-    plan: &CalcificationPlan,
-) -> Result<Vec<Site>, RasterError> {
-    let map = Map::of(surface, thickness_mm)?;
-    let steps = |count: usize| (0..count).map(move |n| n as f64 - 0.5 * (count as f64 - 1.0));
-    let offsets: Vec<(usize, usize, [f64; 2])> = steps(plan.rows)
-        .enumerate()
-        .flat_map(|(row, y)| {
-            let place = move |(column, x): (usize, f64)| {
-                (row, column, [x * plan.pitch_mm, y * plan.pitch_mm])
-            };
-            steps(plan.columns).enumerate().map(place)
-        })
-        .collect();
-    let mut best = ((0, 0, 0), Vec::new());
-    for n in 0..map.window.rows * map.window.columns {
-        let [x, y] = map.place(n);
-        let placed = offsets.iter().map(|&(row, column, [dx, dy])| (row, column, x + dx, y + dy));
-        let clear = |x, y| map.at(x, y).map_or(0, |at| map.clearance[at]);
-        let inside = placed.clone().map(|(_, _, x, y)| clear(x, y)).filter(|&c| c > 0);
-        let merit = (inside.clone().count(), inside.clone().min().unwrap_or(0), inside.sum());
-        if merit > best.0 {
-            best = (merit, placed.collect());
-        }
+}
+
+impl Places {
+    /// Looks at a closed surface (mm) between plates of this distance (mm).
+    pub fn of(surface: &TriMesh, thickness_mm: f64) -> Result<Self, RasterError> {
+        Ok(Self { map: Map::of(surface, thickness_mm)?, thickness_mm })
     }
-    let in_tissue = |x, y| map.at(x, y).is_some_and(|at| map.depth[at] >= TISSUE * thickness_mm);
-    let kept = best.1.into_iter().filter(|&(_, _, x, y)| in_tissue(x, y));
-    Ok(kept
-        .map(|(row, column, x, y)| Site {
+
+    /// Centres of the matrix at half of the thickness, parallel to the detector.
+    ///
+    /// Without a stated middle the matrix goes where most of it lies between the plates, and there as
+    /// far as possible from where the breast leaves them: the smallest distance over its
+    /// calcifications is as large as can be, measured as the square regions of interest are (largest of
+    /// |Δx|, |Δy|), and what does not lie in tissue is left out. With one all are given.
+    pub fn sites(&self, plan: &CalcificationPlan) -> Vec<Site> {
+        let map = &self.map;
+        let steps = |count: usize| (0..count).map(move |n| n as f64 - 0.5 * (count as f64 - 1.0));
+        let offsets: Vec<(usize, usize, [f64; 2])> = steps(plan.rows)
+            .enumerate()
+            .flat_map(|(row, y)| {
+                let place = move |(column, x): (usize, f64)| {
+                    (row, column, [x * plan.pitch_mm, y * plan.pitch_mm])
+                };
+                steps(plan.columns).enumerate().map(place)
+            })
+            .collect();
+        let at = |[x, y]: [f64; 2]| {
+            let placed = move |&(row, column, [dx, dy]): &(usize, usize, [f64; 2])| {
+                (row, column, x + dx, y + dy)
+            };
+            offsets.iter().map(placed)
+        };
+        let site = |(row, column, x, y): (usize, usize, f64, f64)| Site {
             row,
             column,
-            center: Vec3::new(x, y, 0.5 * thickness_mm),
-        })
-        .collect())
+            center: Vec3::new(x, y, 0.5 * self.thickness_mm),
+        };
+        if let Some(middle) = plan.center_mm {
+            return at(middle).map(site).collect();
+        }
+        let mut best = ((0, 0, 0), Vec::new());
+        for n in 0..map.window.rows * map.window.columns {
+            let placed = at(map.place(n));
+            let clear = |x, y| map.at(x, y).map_or(0, |at| map.clearance[at]);
+            let inside = placed.clone().map(|(_, _, x, y)| clear(x, y)).filter(|&c| c > 0);
+            let merit = (inside.clone().count(), inside.clone().min().unwrap_or(0), inside.sum());
+            if merit > best.0 {
+                best = (merit, placed.collect());
+            }
+        }
+        let kept = best.1.into_iter().filter(|&(_, _, x, y)| self.is_tissue(x, y));
+        kept.map(site).collect()
+    }
+
+    fn is_tissue(&self, x: f64, y: f64) -> bool {
+        let least = TISSUE * self.thickness_mm;
+        self.map.at(x, y).is_some_and(|at| self.map.depth[at] >= least)
+    }
+
+    /// A place (mm) by shares: of the width of the breast there, of its extent from the detector's edge
+    /// to its front, of its thickness.
+    pub fn at_share(&self, [x, y, z]: [f64; 3]) -> Vec3 {
+        let window = &self.map.window;
+        let tissue = |n: &usize| {
+            let [x, y] = self.map.place(*n);
+            y >= 0.0 && self.is_tissue(x, y)
+        };
+        let all = || (0..window.rows * window.columns).filter(tissue);
+        let front = all().map(|n| self.map.place(n)[1]).fold(0.0, f64::max);
+        let y = y * front;
+        let row = (y - window.first_row_mm) / STEP_MM;
+        let row = (row.round().max(0.0) as usize).min(window.rows - 1);
+        let width = all().filter(|n| n / window.columns == row).map(|n| self.map.place(n)[0]);
+        let (low, high) = width
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (f64::min(l, x), f64::max(h, x)));
+        let x = if low <= high { low + x * (high - low) } else { 0.0 };
+        Vec3::new(x, y, z * self.thickness_mm)
+    }
 }
 
 /// The breast from above.
@@ -153,6 +193,10 @@ mod tests {
     use super::*;
     use crate::xray::shapes::{cuboid, half_cylinder};
 
+    fn sites(surface: &TriMesh, thickness_mm: f64, plan: &CalcificationPlan) -> Vec<Site> {
+        Places::of(surface, thickness_mm).unwrap().sites(plan)
+    }
+
     fn plan(rows: usize, columns: usize) -> CalcificationPlan {
         CalcificationPlan { rows, columns, ..CalcificationPlan::default() }
     }
@@ -160,7 +204,7 @@ mod tests {
     #[test]
     fn the_matrix_is_in_the_middle_of_a_box_in_front_of_the_edge() {
         let block = cuboid([-30.0, -50.0, 0.0], [70.0, 90.0, 46.0]);
-        let sites = sites(&block, 46.0, &plan(7, 3)).unwrap();
+        let sites = sites(&block, 46.0, &plan(7, 3));
         assert_eq!(sites.len(), 21);
         // Rows span 60 of 90 mm, columns 20 of 100 mm: free by 15 mm along y, anywhere along x.
         let first = sites[0];
@@ -174,12 +218,28 @@ mod tests {
     #[test]
     fn what_finds_no_tissue_is_left_out() {
         let breast = half_cylinder(50.0, 0.0, 46.0, 180);
-        let sites = sites(&breast, 46.0, &plan(7, 3)).unwrap();
+        let sites = sites(&breast, 46.0, &plan(7, 3));
         assert!(!sites.is_empty() && sites.len() < 21, "{}", sites.len());
         assert!(sites.iter().all(|s| s.center.xy().norm() < 51.0 && s.center.y > 0.0));
         let behind = cuboid([-30.0, -90.0, 0.0], [30.0, -1.0, 46.0]);
-        assert!(super::sites(&behind, 46.0, &plan(7, 3)).unwrap().is_empty());
+        assert!(tests::sites(&behind, 46.0, &plan(7, 3)).is_empty());
         let thin = cuboid([-30.0, -90.0, 0.0], [30.0, 90.0, 20.0]);
-        assert!(super::sites(&thin, 46.0, &plan(7, 3)).unwrap().is_empty());
+        assert!(tests::sites(&thin, 46.0, &plan(7, 3)).is_empty());
+    }
+
+    #[test]
+    fn a_stated_middle_and_shares_are_taken_as_they_are() {
+        let block = cuboid([-30.0, -50.0, 0.0], [70.0, 90.0, 46.0]);
+        let stated = CalcificationPlan { center_mm: Some([60.0, 80.0]), ..plan(3, 3) };
+        let sites = sites(&block, 46.0, &stated);
+        assert_eq!(sites.len(), 9);
+        assert_eq!(sites[8].center, Vec3::new(70.0, 90.0, 23.0));
+        let places = Places::of(&block, 46.0).unwrap();
+        for (share, exact) in
+            [([0.5; 3], [20.0, 45.0, 23.0]), ([0.1, 0.8, 0.25], [-20.0, 72.0, 11.5])]
+        {
+            let got = places.at_share(share);
+            assert!((got - Vec3::from(exact)).norm() < 1.5, "{got}");
+        }
     }
 }

@@ -31,6 +31,18 @@ pub enum RasterError {
         /// Directed edges without an opposite one.
         edges: usize,
     },
+    /// The shadow does not fit on the detector.
+    #[error(
+        "the breast's shadow is larger than the detector: it reaches from x = {:.0} to {:.0} mm and to \
+         y = {:.0} mm, the detector from {:.0} to {:.0} mm and to {:.0} mm; take a larger detector \
+         (mammogram.unit.field_mm)", shadow[0], shadow[1], shadow[2], field[0], field[1], field[2]
+    )]
+    Beyond {
+        /// Smallest and largest x and largest y (mm) of the shadow.
+        shadow: [f64; 3],
+        /// The same of the detector.
+        field: [f64; 3],
+    },
     /// No triangle, or none where one looks.
     #[error("the surface has nothing inside of the box that is looked at")]
     Empty,
@@ -70,6 +82,25 @@ pub fn path_lengths(
     source_height_mm: f64,
     window: &Window,
 ) -> Result<Vec<f32>, RasterError> {
+    clipped(surface, source_height_mm, window, |_| 1.0)
+}
+
+/// The same on the first part of each ray: up to a share of the way to the sample, by sample.
+pub fn path_lengths_before(
+    surface: &TriMesh,
+    source_height_mm: f64,
+    window: &Window,
+    share: &[f64],
+) -> Result<Vec<f32>, RasterError> {
+    clipped(surface, source_height_mm, window, |sample| share[sample].clamp(0.0, 1.0))
+}
+
+fn clipped(
+    surface: &TriMesh,
+    source_height_mm: f64,
+    window: &Window,
+    end: impl Fn(usize) -> f64 + Sync,
+) -> Result<Vec<f32>, RasterError> {
     let edges = open_edges(surface);
     if edges > 0 {
         return Err(RasterError::Open { edges });
@@ -84,7 +115,7 @@ pub fn path_lengths(
         let first = band * BAND_ROWS;
         let mut depth = vec![0f64; out.len()];
         for &facet in bands.facets(band) {
-            facets[facet as usize].add(first, window.columns, &mut depth);
+            facets[facet as usize].add(first, window.columns, &end, &mut depth);
         }
         for (n, (out, depth)) in out.iter_mut().zip(&depth).enumerate() {
             if *depth != 0.0 {
@@ -187,8 +218,14 @@ impl Facet {
         (area > 0).then_some(Self { corners, area, sign, rows, columns })
     }
 
-    /// Adds its signed depth to the pixels that it covers in a band of rows.
-    fn add(&self, first_row: usize, columns: usize, depth: &mut [f64]) {
+    /// Adds its signed depth, at most where rays end, to the pixels that it covers in a band of rows.
+    fn add(
+        &self,
+        first_row: usize,
+        columns: usize,
+        end: &impl Fn(usize) -> f64,
+        depth: &mut [f64],
+    ) {
         let unit = SUBPIXEL as i64;
         let at = self.corners.map(|c| c.at);
         let [from, to] = [[at[1], at[2], at[0]], [at[2], at[0], at[1]]];
@@ -206,12 +243,13 @@ impl Facet {
             let start = [self.columns[0] as i64 * unit, row as i64 * unit];
             let mut w = [0, 1, 2].map(|k| edge(from[k], to[k], start));
             let line = &mut depth[(row - first_row) * columns..][..columns];
-            for pixel in &mut line[self.columns[0]..=self.columns[1]] {
+            let number = row * columns + self.columns[0];
+            for (n, pixel) in line[self.columns[0]..=self.columns[1]].iter_mut().enumerate() {
                 if w[0] >= shut[0] && w[1] >= shut[1] && w[2] >= shut[2] {
                     let near = w[0] as f64 * nearness[0]
                         + w[1] as f64 * nearness[1]
                         + w[2] as f64 * nearness[2];
-                    *pixel += self.sign * (1.0 / near).min(1.0);
+                    *pixel += self.sign * (1.0 / near).min(end(number + n));
                 }
                 for k in 0..3 {
                     w[k] += step[k];

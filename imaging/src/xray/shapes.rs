@@ -43,6 +43,37 @@ pub fn half_cylinder(radius: f64, bottom: f64, top: f64, facets: usize) -> TriMe
     prism(&outline, |_| bottom, |_| top)
 }
 
+/// An ellipsoid along the axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ellipsoid {
+    /// Middle (mm).
+    pub center: Vec3,
+    /// Half axes (mm).
+    pub radii: Vec3,
+}
+
+impl Ellipsoid {
+    /// Whether a point (mm) lies in it.
+    #[inline]
+    pub fn contains(&self, point: &Vec3) -> bool {
+        (point - self.center).component_div(&self.radii).norm_squared() <= 1.0
+    }
+
+    /// Where the way between two points (mm) enters and leaves, as shares of it; `None` when it
+    /// misses.
+    pub fn chord(&self, from: &Vec3, to: &Vec3) -> Option<[f64; 2]> {
+        // A unit ball around the origin after scaling; |a + t d|² = 1.
+        let a = (from - self.center).component_div(&self.radii);
+        let d = (to - from).component_div(&self.radii);
+        let (dd, ad) = (d.norm_squared(), a.dot(&d));
+        // The part of a across d keeps the digits that |a|² - 1 would lose.
+        let across = (a - d * (ad / dd)).norm_squared();
+        let half = ((1.0 - across) / dd).sqrt();
+        let middle = -ad / dd;
+        (half > 0.0).then_some([middle - half, middle + half])
+    }
+}
+
 /// A compressed breast: half an ellipse with round sides of half the thickness, under a paddle that may
 /// be tilted.
 #[derive(Debug, Clone, Copy, PartialEq)]

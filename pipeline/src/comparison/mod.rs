@@ -14,7 +14,11 @@ use mammotwin_data::{
     metric::Metric,
     study::{CompressPlan, MammogramPlan},
 };
-use mammotwin_imaging::xray::{calibration::Unit, quality::quality, statistics::welch};
+use mammotwin_imaging::xray::{
+    calibration::Unit,
+    quality::{RoiQuality, quality},
+    statistics::{mann_whitney, welch},
+};
 use mammotwin_stages::{
     comfort::{Burden, Comparison, Weighted, compare, face_pressures},
     compress::Compression,
@@ -53,19 +57,21 @@ impl Found {
         if let (Some(plan), Some(phantom), Some(taken)) = (picture, &made.phantom, &made.mammograms)
         {
             let (phantom, taken) = (phantom.load()?, taken.load()?);
-            let unit = Unit::pristina(plan.pixel_mm, plan.energy_kev);
+            let refuse = |cause: &dyn std::fmt::Display| {
+                Failure::BadInput(format!("regions of interest: {cause}"))
+            };
+            let unit = Unit::of(plan).map_err(|cause| refuse(&cause))?;
             for (technique, picture) in taken.techniques.iter().zip(&taken.pictures) {
-                let refuse = |cause: &dyn std::fmt::Display| {
-                    Failure::BadInput(format!("regions of interest: {cause}"))
-                };
                 let one =
                     phantom.with_diameter(technique.diameter_mm).map_err(|cause| refuse(&cause))?;
                 let all = quality(picture, &one, &unit.geometry).map_err(|cause| refuse(&cause))?;
                 let um = (1000.0 * technique.diameter_mm).round();
-                let snr = all.iter().map(|region| region.printed.snr).collect();
-                let sdnr = all.iter().map(|region| region.printed.sdnr).collect();
-                regions.push((format!("snr_{um}um"), snr));
-                regions.push((format!("sdnr_{um}um"), sdnr));
+                let values = |of: fn(&RoiQuality) -> f64| all.iter().map(of).collect();
+                let named = |name: &str, values| (format!("{name}_{um}um"), values);
+                regions.push(named("snr", values(|r| r.printed.snr)));
+                regions.push(named("sdnr", values(|r| r.printed.sdnr)));
+                regions.push(named("snr_detrended", values(|r| r.detrended.snr)));
+                regions.push(named("sdnr_detrended", values(|r| r.detrended.sdnr)));
             }
         }
         Ok(Self { compression: made.compression.load()?, metrics, regions })
@@ -84,33 +90,33 @@ pub struct Difference {
     pub what: String,
     /// The distributions.
     pub comparison: Comparison,
-    /// Chance of such a difference of means between samples of one population (Welch); none for
-    /// distributions over area or volume, whose parts are no independent samples.
-    pub p: Option<f64>,
+    /// Chance of such a difference between samples of one population, of means (Welch) and of ranks (Mann
+    /// and Whitney); none for distributions over area or volume, whose parts are no independent samples.
+    pub p: [Option<f64>; 2],
 }
 
 /// How `other` differs from `first`.
 pub fn differences(first: &Found, other: &Found) -> Vec<Difference> {
     let mut all = Vec::new();
-    let mut add = |what: &str, a: &[Weighted], b: &[Weighted], p: Option<f64>| {
+    let mut add = |what: &str, a: &[Weighted], b: &[Weighted], p: [Option<f64>; 2]| {
         if let Some(comparison) = compare(a, b) {
             all.push(Difference { what: what.into(), comparison, p });
         }
     };
     let pressures = [first, other].map(|found| face_pressures(&found.compression));
-    add("contact pressure on the faces (kPa), by area", &pressures[0], &pressures[1], None);
+    add("contact pressure on the faces (kPa), by area", &pressures[0], &pressures[1], [None; 2]);
     let [a, b] = [first, other].map(|found| Burden::of(&found.compression));
     let by_volume = |burden: &Burden, values: &[f64]| burden.by_volume(values, None);
     let [one, two] = [by_volume(&a, &a.von_mises_kpa), by_volume(&b, &b.von_mises_kpa)];
-    add("von Mises stress (kPa), by volume", &one, &two, None);
+    add("von Mises stress (kPa), by volume", &one, &two, [None; 2]);
     let [one, two] = [by_volume(&a, &a.stretch), by_volume(&b, &b.stretch)];
-    add("largest stretch, by volume", &one, &two, None);
+    add("largest stretch, by volume", &one, &two, [None; 2]);
     for (name, values) in &first.regions {
         let Some((_, others)) = other.regions.iter().find(|(other, _)| other == name) else {
             continue;
         };
         let even = |values: &[f64]| values.iter().map(|v| (*v, 1.0)).collect::<Vec<Weighted>>();
-        let p = welch(values, others).map(|test| test.p);
+        let p = [welch(values, others), mann_whitney(values, others)].map(|test| Some(test?.p));
         add(&format!("{name}, by region of interest"), &even(values), &even(others), p);
     }
     all

@@ -132,8 +132,8 @@ pub fn page(subject: &str, study: ThesisStudy, ways: &[Way]) -> (String, Vec<Fig
     if let Some(((base, first), others)) = found.split_first() {
         let _ = writeln!(html, "<h2>Against {}</h2>", base.label);
         html += "<p>Effect size: difference of means over the pooled standard deviation. Overlap: \
-                 common part of both distributions. p: Welch, over regions of interest only; elements \
-                 and sensors of one body are no independent samples.</p>\n";
+                 common part of both distributions. p: Welch; Mann and Whitney, over regions of interest only; \
+                 elements and sensors of one body are no independent samples.</p>\n";
         html += &differences_table(first, others);
     }
     html += "</body></html>\n";
@@ -162,7 +162,7 @@ fn differences_table(first: &Found, others: &[(&Way, &Found)]) -> String {
                 number(c.difference),
                 number(c.effect_size),
                 number(c.overlap),
-                p.map_or("–".into(), |p| format!("{p:.3}")),
+                p.map(|p| p.map_or("–".into(), |p| format!("{p:.3}"))).join("; "),
             ]);
         }
         if let Some([most, p95]) = shift_to_wall(&first.compression, &other.compression) {

@@ -83,17 +83,17 @@ pub fn curves(ways: &[Way]) -> String {
 /// Every way against the first that was found.
 pub fn comparisons(ways: &[Way]) -> String {
     let mut text = String::from(
-        "way,against,what,mean_of_first,mean,difference,effect_size,overlap,p_welch\n",
+        "way,against,what,mean_of_first,mean,difference,effect_size,overlap,p_welch,p_mann_whitney\n",
     );
     let mut found = ways.iter().filter_map(|way| Some((way, way.found.as_ref().ok()?)));
     let Some((base, first)) = found.next() else { return text };
     for (way, other) in found {
         for one in differences(first, other) {
             let c = one.comparison;
-            let p = one.p.map_or(String::new(), |p| format!("{p:.4}"));
+            let [welch, ranks] = one.p.map(|p| p.map_or(String::new(), |p| format!("{p:.4}")));
             let _ = writeln!(
                 text,
-                "{},{},{},{:.6},{:.6},{:.6},{:.4},{:.4},{p}",
+                "{},{},{},{:.6},{:.6},{:.6},{:.4},{:.4},{welch},{ranks}",
                 way.label,
                 base.label,
                 quoted(&one.what),
@@ -108,7 +108,7 @@ pub fn comparisons(ways: &[Way]) -> String {
             for (what, value) in [("largest", most), ("95 %", p95)] {
                 let what = format!("shift of tissue towards the chest wall (mm), {what}");
                 let (label, base) = (&way.label, &base.label);
-                let _ = writeln!(text, "{label},{base},{},0,,{value:.4},,,", quoted(&what));
+                let _ = writeln!(text, "{label},{base},{},0,,{value:.4},,,,", quoted(&what));
             }
         }
     }

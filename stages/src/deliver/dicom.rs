@@ -19,7 +19,7 @@ use std::path::Path;
 
 bytes_artifact!("A mammogram as a DICOM file.", DicomFile, "dcm");
 
-/// Tube voltage (kV) of the beam that doses are computed for.
+/// Tube voltage (kV) of the beam that doses are computed for where the picture has one energy.
 const TUBE_KV: f64 = 34.0;
 
 /// A picture with the attributes of a digital mammography image.
@@ -35,13 +35,11 @@ pub struct DicomPicture {
     pub intent: Intent,
     /// Pseudonym of the person.
     pub subject: String,
-    /// Photon energy (keV).
-    pub energy_kev: f64,
 }
 
 impl Stage for DicomPicture {
     const NAME: &'static str = "dicom";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "";
     type Input = (CompressedPhantom, Mammograms);
     type Output = DicomFile;
@@ -57,11 +55,12 @@ impl Stage for DicomPicture {
             let count = mammograms.pictures.len();
             Failure::BadInput(format!("picture {}: only {count} were taken", self.number))
         })?;
-        let unit = Unit::pristina(signal.pitch_mm, self.energy_kev);
-        let (thickness_mm, gland) = (phantom.thickness_mm, phantom.plan.glandularity);
+        let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("dicom: {cause}"));
+        let unit = Unit::of(&phantom.plan).map_err(|cause| refuse(&cause))?;
+        let (thickness_mm, gland) = (phantom.thickness_mm, phantom.glandularity);
         let dose =
             average_glandular_dose(technique.kerma_mgy, thickness_mm, gland, &unit.dose_beam)
-                .map_err(|cause| Failure::BadInput(format!("dicom: {cause}")))?;
+                .map_err(|cause| refuse(&cause))?;
         let acquisition = Acquisition {
             subject: self.subject.clone(),
             description: format!("microcalcifications of {} mm", technique.diameter_mm),
@@ -70,7 +69,7 @@ impl Stage for DicomPicture {
             view: self.view,
             thickness_mm,
             source_height_mm: unit.geometry.source_height_mm,
-            tube_kv: TUBE_KV,
+            tube_kv: phantom.plan.beam.as_ref().map_or(TUBE_KV, |beam| f64::from(beam.kv)),
             hvl_mm_al: unit.dose_beam.hvl_mm_al,
             kerma_mgy: technique.kerma_mgy,
             agd_mgy: dose.agd_mgy,

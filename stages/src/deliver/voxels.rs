@@ -16,7 +16,10 @@ use mammotwin_data::{
 };
 use mammotwin_imaging::xray::{
     attenuation::Material,
-    transport::{exam::MEDIA, scene::Body},
+    transport::{
+        exam::{INCLUSIONS, MEDIA},
+        scene::Body,
+    },
 };
 use serde::Serialize;
 use serde_json::json;
@@ -26,7 +29,7 @@ bytes_artifact!("Labels of the phantom as NIfTI.", LabelsNifti, "nii.gz");
 bytes_artifact!("Labels of the phantom as MetaImage.", LabelsMeta, "mha");
 bytes_artifact!("What the labels are, and where the microcalcifications.", LabelsLegend, "json");
 
-/// Labels of the phantom: 0 air, 1 skin, 2 breast tissue. World coordinates are those of the
+/// Labels of the phantom: 0 air, 1 skin, 2 breast tissue, from 3 on gland and masses. World coordinates are those of the
 /// detector (mm): x to the person's right, y away from the chest wall, z up from the detector.
 ///
 /// Microcalcifications are smaller than voxels; the legend has their centres and diameters.
@@ -53,7 +56,7 @@ fn refuse(cause: &dyn std::fmt::Display) -> Failure {
 
 /// Labels by voxel centre, with a rim of air.
 fn voxels(phantom: &CompressedPhantom, voxel_mm: f64) -> Result<Volume<u8>, Failure> {
-    let body = phantom.body().map_err(|c| refuse(&c))?;
+    let (body, _) = phantom.body().map_err(|c| refuse(&c))?;
     let bounds = body.bounds();
     let count = |length: f64| (length / voxel_mm).ceil() as usize + 2;
     let shape = [0, 1, 2].map(|n| count(bounds.high[n] - bounds.low[n]));
@@ -66,7 +69,10 @@ fn voxels(phantom: &CompressedPhantom, voxel_mm: f64) -> Result<Volume<u8>, Fail
             return 0;
         }
         let medium = body.medium(&point);
-        MEDIA.iter().position(|&of| of == medium).unwrap_or_default() as u8
+        match MEDIA.iter().position(|&of| of == medium) {
+            Some(label) => label as u8,
+            None => (MEDIA.len() + medium - INCLUSIONS) as u8,
+        }
     };
     let values = (0..grid.len()).map(label).collect();
     Ok(Volume { grid, values })
@@ -74,7 +80,7 @@ fn voxels(phantom: &CompressedPhantom, voxel_mm: f64) -> Result<Volume<u8>, Fail
 
 impl Stage for PhantomNifti {
     const NAME: &'static str = "phantom_nifti";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "";
     type Input = CompressedPhantom;
     type Output = LabelsNifti;
@@ -92,7 +98,7 @@ impl Stage for PhantomNifti {
 
 impl Stage for PhantomMeta {
     const NAME: &'static str = "phantom_mha";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "";
     type Input = CompressedPhantom;
     type Output = LabelsMeta;
@@ -105,7 +111,7 @@ impl Stage for PhantomMeta {
 
 impl Stage for PhantomLegend {
     const NAME: &'static str = "phantom_legend";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "";
     type Input = CompressedPhantom;
     type Output = LabelsLegend;
@@ -113,7 +119,8 @@ impl Stage for PhantomLegend {
     fn run(&self, phantom: &CompressedPhantom, _: &dyn Progress) -> Result<LabelsLegend, Failure> {
         let named = |name: &str| Material::named(name).map_err(|c| refuse(&c));
         let skin = named("skin_hammerstein")?;
-        let tissue = Material::breast(phantom.plan.glandularity).map_err(|c| refuse(&c))?;
+        let tissue = phantom.tissue().map_err(|c| refuse(&c))?;
+        let (_, inclusions) = phantom.body().map_err(|c| refuse(&c))?;
         let calcium = Material::calcification().map_err(|c| refuse(&c))?;
         let of = |label: u8, material: &Material| {
             json!({
@@ -123,6 +130,8 @@ impl Stage for PhantomLegend {
                 "mass_fractions": material.parts,
             })
         };
+        let mut labels = vec![of(0, &named("air")?), of(1, &skin), of(2, &tissue)];
+        labels.extend(inclusions.iter().zip(3..).map(|(material, label)| of(label, material)));
         let mut grains = Vec::new();
         for &diameter_mm in &phantom.plan.calcifications.diameter_mm {
             let one = phantom.with_diameter(diameter_mm).map_err(|c| refuse(&c))?;
@@ -134,7 +143,7 @@ impl Stage for PhantomLegend {
         let legend = json!({
             "frame": "x to the person's right, y away from the chest wall, z up from the detector (mm)",
             "thickness_mm": phantom.thickness_mm,
-            "labels": [of(0, &named("air")?), of(1, &skin), of(2, &tissue)],
+            "labels": labels,
             "microcalcifications": { "in_labels": false, "material": calcium.name,
                 "density_g_per_cm3": calcium.density_g_per_cm3, "sites": grains },
         });

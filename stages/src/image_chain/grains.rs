@@ -59,12 +59,13 @@ impl Grains {
             let points = ball.points.iter().map(|p| center + scale * p).collect();
             let surface = TriMesh { points, triangles: ball.triangles.clone() };
             let site = Site { row: n / SIDE, column: n % SIDE, center };
-            Calcification { site, diameter_mm: DIAMETER_MM, surface }
+            Calcification { site, diameter_mm: DIAMETER_MM, surface, around: None }
         };
         let phantom = Phantom {
             surface: cuboid([-60.0, -40.0, 0.0], [60.0, 60.0, SLAB_MM]),
             thickness_mm: SLAB_MM,
             tissue: Material::breast(0.2)?,
+            inclusions: vec![],
             calcium: Material::calcification()?,
             calcifications: (0..SIDE * SIDE).map(grain).collect(),
         };

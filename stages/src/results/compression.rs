@@ -59,7 +59,7 @@ pub fn put_compression(file: &mut Writer, found: &Compression) -> Result<(), Fai
 pub fn put_picture(file: &mut Writer, picture: &Picture) -> Result<(), Failure> {
     let group = format!("radiographs/{}", picture.name);
     file.put_radiograph(&group, picture.radiograph)?;
-    let Technique { diameter_mm, photons_per_mm2, kerma_mgy } = *picture.technique;
+    let Technique { diameter_mm, photons_per_mm2, kerma_mgy, .. } = *picture.technique;
     let at = |name: &str| format!("{group}/{name}");
     file.put_scalar(&at("diameter_mm"), diameter_mm, "mm", "Diameter of microcalcifications")?;
     let long_name = "Photons below the focal spot, without object";

@@ -136,11 +136,11 @@ fn continue_outward(field: &mut Field, mut known: Vec<bool>, step_mm: f64, limit
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    /// A box of tetrahedra, sheared and stretched.
-    fn block() -> (Vec<[u32; 4]>, Vec<Vec3>, Vec<Vec3>, Mat3) {
+    /// A box of tetrahedra of 32 mm, sheared and stretched, and the gradient.
+    pub(crate) fn block() -> (Vec<[u32; 4]>, Vec<Vec3>, Vec<Vec3>, Mat3) {
         let n = 5;
         let at = |i: usize, j: usize, k: usize| ((k * n + j) * n + i) as u32;
         let mut rest = Vec::new();

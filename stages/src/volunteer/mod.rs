@@ -6,7 +6,7 @@
 //! table. Each image is taken in the frame of its pose. The tilted image is turned with the body,
 //! as a scanner with oblique slices would take it, so that gravity points to the side in it.
 
-mod carry;
+pub(crate) mod carry;
 mod field;
 mod gland;
 mod landmarks;

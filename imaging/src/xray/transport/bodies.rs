@@ -2,6 +2,7 @@
 
 use crate::xray::{
     raster::RasterError,
+    shapes::Ellipsoid,
     transport::{
         distance::{DistanceGrid, Zone},
         scene::{Body, Bounds},
@@ -69,12 +70,15 @@ impl Body for HalfCylinder {
     }
 }
 
-/// A closed surface with a layer of skin below it.
+/// A closed surface with a layer of skin below it, and inclusions in the tissue.
 #[derive(Debug, Clone)]
 pub struct Closed {
     distance: DistanceGrid,
-    /// Air, skin, tissue.
-    media: [usize; 3],
+    /// Air, skin, tissue, and what the inclusions are made of.
+    media: Vec<usize>,
+    /// Gland by its distances.
+    gland: Option<(DistanceGrid, usize)>,
+    masses: Vec<(Ellipsoid, usize)>,
 }
 
 /// What the distance between nodes may be off by (mm).
@@ -88,8 +92,7 @@ impl Closed {
         skin_mm: f64,
         media: [usize; 3],
     ) -> Result<Self, RasterError> {
-        let distance = DistanceGrid::of(surface, None, step_mm, skin_mm)?;
-        Ok(Self { distance, media })
+        Ok(Self::of(DistanceGrid::of(surface, None, step_mm, skin_mm)?, media))
     }
 
     /// The part of a surface that lies in a box: a breast without the body behind it, whose end has
@@ -101,8 +104,54 @@ impl Closed {
         skin_mm: f64,
         media: [usize; 3],
     ) -> Result<Self, RasterError> {
-        let distance = DistanceGrid::of(surface, Some(part), step_mm, skin_mm)?;
-        Ok(Self { distance, media })
+        Ok(Self::of(DistanceGrid::of(surface, Some(part), step_mm, skin_mm)?, media))
+    }
+
+    fn of(distance: DistanceGrid, media: [usize; 3]) -> Self {
+        Self { distance, media: media.to_vec(), gland: None, masses: Vec::new() }
+    }
+
+    /// With gland in a closed surface, known by distances on a grid of this step (mm); nothing of it lies in
+    /// the skin.
+    pub fn with_gland(
+        mut self,
+        surface: &TriMesh,
+        step_mm: f64,
+        medium: usize,
+    ) -> Result<Self, RasterError> {
+        let part = self.distance.bounds();
+        self.gland = Some((DistanceGrid::of(surface, Some(part), step_mm, 0.0)?, medium));
+        self.also(medium);
+        Ok(self)
+    }
+
+    /// With an ellipsoid of another material, which may replace gland.
+    pub fn with_mass(mut self, form: Ellipsoid, medium: usize) -> Self {
+        self.masses.push((form, medium));
+        self.also(medium);
+        self
+    }
+
+    fn also(&mut self, medium: usize) {
+        if !self.media.contains(&medium) {
+            self.media.push(medium);
+        }
+    }
+
+    /// Medium of a point below the skin.
+    #[inline]
+    fn deep(&self, point: &Vec3) -> usize {
+        if let Some((_, medium)) = self.masses.iter().find(|(form, _)| form.contains(point)) {
+            return *medium;
+        }
+        match &self.gland {
+            Some((grid, medium))
+                if grid.bounds().contains(point) && grid.zone(point) != Zone::Outside =>
+            {
+                *medium
+            }
+            _ => self.media[2],
+        }
     }
 }
 
@@ -118,11 +167,11 @@ impl Body for Closed {
 
     #[inline]
     fn medium(&self, point: &Vec3) -> usize {
-        self.media[match self.distance.zone(point) {
-            Zone::Outside => 0,
-            Zone::Layer => 1,
-            Zone::Deep => 2,
-        }]
+        match self.distance.zone(point) {
+            Zone::Outside => self.media[0],
+            Zone::Layer => self.media[1],
+            Zone::Deep => self.deep(point),
+        }
     }
 
     #[inline]

@@ -1,15 +1,7 @@
 //! Signed distances from a closed surface on a grid.
 
-use crate::xray::{
-    raster::{RasterError, open_edges},
-    transport::scene::Bounds,
-};
+use crate::xray::{inside::Inside, raster::RasterError, transport::scene::Bounds};
 use mammotwin_data::{Vec3, surface::TriMesh};
-use parry3d_f64::{
-    math::Vector,
-    query::PointQuery,
-    shape::{TriMesh as Shape, TriMeshFlags},
-};
 use rayon::prelude::*;
 
 /// Depth (mm) below a closed surface at the nodes of a grid, linear between them.
@@ -61,13 +53,10 @@ impl DistanceGrid {
         step_mm: f64,
         layer_mm: f64,
     ) -> Result<Self, RasterError> {
-        let edges = open_edges(surface);
-        if edges > 0 {
-            return Err(RasterError::Open { edges });
-        }
         if surface.triangles.is_empty() {
             return Err(RasterError::Empty);
         }
+        let inside = Inside::of(surface)?;
         let (surface, _) = surface.compacted();
         let first = surface.points[0];
         let mut low = surface.points.iter().fold(first, |low, p| low.inf(p));
@@ -81,19 +70,13 @@ impl DistanceGrid {
         let bounds = Bounds { low, high };
         let cells = [0, 1, 2].map(|k| ((high[k] - low[k]) / step_mm).ceil().max(1.0) as usize);
         let size = Vec3::from_fn(|k, _| (high[k] - low[k]) / cells[k] as f64);
-        let vertices = surface.points.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
-        let shape = Shape::with_flags(vertices, surface.triangles.clone(), TriMeshFlags::ORIENTED)
-            .map_err(|_| RasterError::Empty)?;
         let [nx, ny, nz] = cells.map(|n| n + 1);
         let depth: Vec<f32> = (0..nx * ny * nz)
             .into_par_iter()
             .map(|n| {
                 let at = [n % nx, n / nx % ny, n / (nx * ny)];
                 let p = Vec3::from_fn(|k, _| low[k] + at[k] as f64 * size[k]);
-                let found = shape.project_local_point(Vector::new(p.x, p.y, p.z), false);
-                let foot = Vec3::new(found.point.x, found.point.y, found.point.z);
-                let distance = (p - foot).norm();
-                (if found.is_inside { distance } else { -distance }) as f32
+                inside.depth_mm(&p) as f32
             })
             .collect();
         let diagonal = size.norm();

@@ -8,7 +8,7 @@ use crate::xray::{
         grid::{Grid, GridPlan},
         media::Media,
         photon::{Histories, transport},
-        scene::{Block, Body, Bounds, Scene, SceneError},
+        scene::{Block, Body, Bounds, Scene, SceneError, volumes_mm3},
         source::{Source, SourceError, Window},
         tally::{Estimate, Image, Receptor, Scoring, Tally},
     },
@@ -19,6 +19,8 @@ use mammotwin_data::Vec3;
 pub const MEDIA: [usize; 3] = [0, 1, 2];
 /// Material of the plates.
 const PLATE: usize = 3;
+/// First of the materials of [`Setup::inclusions`].
+pub const INCLUSIONS: usize = 4;
 /// Where along y (mm) the incident air kerma is reckoned: Dance (1990) has it 40 mm from the wall.
 const KERMA_AT_MM: f64 = 40.0;
 /// Cells (mm) of the field that are lit or not.
@@ -65,6 +67,8 @@ pub struct Setup {
     pub skin: Material,
     /// Tissue.
     pub tissue: Material,
+    /// Materials of what else is in the body, whose indices begin with [`INCLUSIONS`].
+    pub inclusions: Vec<Material>,
     /// Whether a grid lies on the detector; scatter without it is reported in any case.
     pub grid: bool,
     /// Cells of the scatter image along x and y; none: no image.
@@ -82,6 +86,7 @@ impl Setup {
             kerma_height_mm: None,
             skin: Material::named("skin_hammerstein")?,
             tissue: Material::breast(glandularity)?,
+            inclusions: Vec::new(),
             grid: true,
             cells: Some([57, 48]),
         })
@@ -128,7 +133,7 @@ impl Exam {
 /// ([`Spectrum::behind`]) with a setup that has none; the scatter of a paddle in the setup adds to
 /// the dose, and not to the kerma.
 ///
-/// The body is made of [`MEDIA`] and stands on the plane z = 0, from which the
+/// The body is made of [`MEDIA`] and [`INCLUSIONS`] and stands on the plane z = 0, from which the
 /// height of the focal spot is measured.
 ///
 /// Gland counts in front of the edge of the detector (y > 0). The incident air kerma is that of
@@ -142,7 +147,8 @@ pub fn examine<B: Body>(
 ) -> Result<Exam, ExamError> {
     let air = Material::named("air")?;
     let plate = Material::named("polycarbonate")?;
-    let materials = vec![air, setup.skin.clone(), setup.tissue.clone(), plate];
+    let mut materials = vec![air, setup.skin.clone(), setup.tissue.clone(), plate];
+    materials.extend(setup.inclusions.iter().cloned());
     let media = Media::new(materials)?;
     let around = body.bounds();
     let detector = Source::of(geometry, spectrum);
@@ -166,9 +172,11 @@ pub fn examine<B: Body>(
     let receptor =
         setup.cells.map(|cells| Receptor { x: detector.x, y: detector.y, z: floor, cells });
     let scene = Scene::new(media, MEDIA[0], world, body, &blocks)?;
-    let volumes = scene.volumes_mm3(LATTICE_MM, |p| p.y >= 0.0);
-    let tissue = &setup.tissue;
-    let gland_g = 1e-3 * volumes[MEDIA[2]] * tissue.density_g_per_cm3 * tissue.glandularity();
+    let volumes = volumes_mm3(&scene.body, LATTICE_MM, |p| p.y >= 0.0);
+    let of = |(material, volume): (&Material, &f64)| {
+        1e-3 * volume * material.density_g_per_cm3 * material.glandularity()
+    };
+    let gland_g: f64 = scene.media.materials().iter().zip(&volumes).map(of).sum();
     if !(gland_g > 0.0) {
         return Err(ExamError::NoGland);
     }

@@ -176,35 +176,39 @@ impl<B: Body> Scene<B> {
         }
         ahead
     }
+}
 
-    /// Volume (mm³) of each material in the body where `counts` holds, by one point in each cell
-    /// of a grid. It lies elsewhere in each cell, so that no side of the body is missed or met by
-    /// a whole layer at once.
-    pub fn volumes_mm3(&self, step_mm: f64, counts: impl Fn(&Vec3) -> bool + Sync) -> Vec<f64> {
-        let bounds = self.body.bounds();
-        let size = bounds.high - bounds.low;
-        let count = [0, 1, 2].map(|k| (size[k] / step_mm).ceil().max(1.0) as usize);
-        let step = Vec3::from_fn(|k, _| size[k] / count[k] as f64);
-        let row = |j: usize| {
-            let mut found = [0u64; MAX_MEDIA];
-            for i in 0..count[0] {
-                for k in 0..count[2] {
-                    let number = ((j * count[0] + i) * count[2] + k) as f64;
-                    let cell = [i, j, k];
-                    let at = |a: usize| cell[a] as f64 + (SPREAD[a] * number).fract();
-                    let point = bounds.low + Vec3::from_fn(|a, _| at(a) * step[a]);
-                    if counts(&point) {
-                        found[self.body.medium(&point)] += 1;
-                    }
+/// Volume (mm³) of each material in the body where `counts` holds, by one point in each cell
+/// of a grid. It lies elsewhere in each cell, so that no side of the body is missed or met by
+/// a whole layer at once.
+pub fn volumes_mm3<B: Body>(
+    body: &B,
+    step_mm: f64,
+    counts: impl Fn(&Vec3) -> bool + Sync,
+) -> Vec<f64> {
+    let bounds = body.bounds();
+    let size = bounds.high - bounds.low;
+    let count = [0, 1, 2].map(|k| (size[k] / step_mm).ceil().max(1.0) as usize);
+    let step = Vec3::from_fn(|k, _| size[k] / count[k] as f64);
+    let row = |j: usize| {
+        let mut found = [0u64; MAX_MEDIA];
+        for i in 0..count[0] {
+            for k in 0..count[2] {
+                let number = ((j * count[0] + i) * count[2] + k) as f64;
+                let cell = [i, j, k];
+                let at = |a: usize| cell[a] as f64 + (SPREAD[a] * number).fract();
+                let point = bounds.low + Vec3::from_fn(|a, _| at(a) * step[a]);
+                if counts(&point) {
+                    found[body.medium(&point)] += 1;
                 }
             }
-            found
-        };
-        let add = |mut a: [u64; MAX_MEDIA], b: [u64; MAX_MEDIA]| {
-            a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
-            a
-        };
-        let found = (0..count[1]).into_par_iter().map(row).reduce(|| [0; MAX_MEDIA], add);
-        found.iter().map(|&n| n as f64 * step.x * step.y * step.z).collect()
-    }
+        }
+        found
+    };
+    let add = |mut a: [u64; MAX_MEDIA], b: [u64; MAX_MEDIA]| {
+        a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+        a
+    };
+    let found = (0..count[1]).into_par_iter().map(row).reduce(|| [0; MAX_MEDIA], add);
+    found.iter().map(|&n| n as f64 * step.x * step.y * step.z).collect()
 }
