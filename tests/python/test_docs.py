@@ -114,7 +114,9 @@ def test_the_keys_of_a_study_are_those_of_the_program(heading, keys, tmp_path):
     names = {"The whole file": "", "poses.NAME": "poses.supine", "records.SIDE": "records.right"}
     names |= {"model.skin, model.fascia": "model.skin", "constants": "model.breast.constants"}
     table = names.get(heading, heading)
-    (tmp_path / "study.toml").write_text(f"[{table}]\nnonesuch = 1\n" if table else "nonesuch = 1\n")
+    lists = {"mammogram.masses"}
+    head = f"[[{table}]]\n" if table in lists else f"[{table}]\n" if table else ""
+    (tmp_path / "study.toml").write_text(f"{head}nonesuch = 1\n")
     done = subprocess.run([program, "check", tmp_path / "study.toml"], capture_output=True, text=True)
     told = re.search(r"nonesuch: unknown key; there are: (.*)", done.stderr)
     assert told, done.stderr
