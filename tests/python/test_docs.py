@@ -57,7 +57,7 @@ def test_links_lead_to_a_file_and_a_heading(page):
 
 
 def test_every_page_is_in_the_site():
-    menu = set(re.findall(r": (\w+\.md)$", (ROOT / "mkdocs.yml").read_text(), flags=re.MULTILINE))
+    menu = set(re.findall(r": ([\w-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), flags=re.MULTILINE))
     assert menu == {page.name for page in (ROOT / "docs").glob("*.md")}
 
 
