@@ -19,6 +19,7 @@ pub mod comparison;
 pub mod display;
 pub mod estimates;
 pub mod graph;
+mod page;
 pub mod plausible;
 pub mod score;
 pub mod sensitivity;

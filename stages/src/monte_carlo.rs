@@ -57,7 +57,7 @@ impl Stage for MonteCarlo {
     const VERSION: u32 = 2;
     const METHODS: &'static str = "Dose and scatter in the compressed breast itself were computed by Monte Carlo photon \
          transport (photoelectric effect, Compton scatter with incoherent scattering functions, Rayleigh \
-         scatter with form factors; checked against case 3 of AAPM TG-195) with 34 kV Rh/Ag.";
+         scatter with form factors; checked against case 3 of AAPM TG-195), with 34 kV Rh/Ag unless the study names another beam.";
     type Input = (CompressedPhantom, Mammograms);
     type Output = Metrics;
 

@@ -290,13 +290,8 @@ impl Stage for ErrorRow {
 
     fn run(&self, input: &Input, progress: &dyn Progress) -> Result<Errors, Failure> {
         let (mesh, reference, registered, surfaces) = input;
-        let names = self.poses.iter().map(String::as_str);
-        let measured = Measured {
-            reference: &self.reference,
-            gravity: self.gravity,
-            surfaces: reference,
-            others: names.zip(registered).zip(surfaces).map(|((n, m), s)| (n, m, s)).collect(),
-        };
+        let first = (self.reference.as_str(), self.gravity, reference);
+        let measured = Measured::new(first, &self.poses, registered, surfaces);
         let experiment = Experiment::new(mesh, &self.model, &self.plan, &measured)?;
         let told = Told::new(progress, self.breast_kpa.len());
         let one = |&kpa: &f64| {

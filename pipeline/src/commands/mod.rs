@@ -130,3 +130,14 @@ pub fn open(arguments: &StudyArguments) -> Result<Opened, Failure> {
     let out = arguments.out.clone().unwrap_or_else(|| base.join("out"));
     Ok(Opened { study, file: path.clone(), text, base, store: Store::open(&out) })
 }
+
+/// Values within bounds, rising, each once.
+fn rising(option: &str, given: &[f64], [least, most]: [f64; 2]) -> Result<Vec<f64>, Failure> {
+    if given.is_empty() || given.iter().any(|value| !(least..=most).contains(value)) {
+        return Err(Failure::Usage(format!("{option}: give numbers from {least} to {most}")));
+    }
+    let mut sorted = given.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.dedup();
+    Ok(sorted)
+}

@@ -1,6 +1,6 @@
 //! `mammotwin study sensitivity`: what the tissues do, and the error of the model over all moduli.
 
-use super::{open, write};
+use super::{open, rising, write};
 use crate::{
     cli::SensitivityArguments,
     display::Display,
@@ -15,6 +15,7 @@ use std::fs;
 
 /// Computes what is not there and writes tables, figures and page.
 pub fn sensitivity(arguments: &SensitivityArguments) -> Result<(), Failure> {
+    let moduli = |option: &str, given: &[f64]| rising(option, given, [1e-3, 1e6]);
     let breast_kpa = moduli("--breast", &arguments.breast)?;
     let skins = moduli("--skin", &arguments.skin)?;
     let fascias = moduli("--fascia", &arguments.fascia)?;
@@ -48,15 +49,4 @@ pub fn sensitivity(arguments: &SensitivityArguments) -> Result<(), Failure> {
     tell!("{points} sets of moduli, {failed} without an equilibrium");
     tell!("{}", folder.join("sensitivity.html").display());
     Ok(())
-}
-
-/// Positive moduli, rising, each once.
-fn moduli(option: &str, given: &[f64]) -> Result<Vec<f64>, Failure> {
-    if given.is_empty() || given.iter().any(|kpa| !(*kpa > 0.0 && *kpa <= 1e6)) {
-        return Err(Failure::Usage(format!("{option}: give Young's moduli in kPa, 0.2,0.3,0.5")));
-    }
-    let mut sorted = given.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.dedup();
-    Ok(sorted)
 }

@@ -1,6 +1,6 @@
 //! `mammotwin study stiffening`: Jₘ and the place of the paddle from a record of force and thickness.
 
-use super::{open, write};
+use super::{open, rising, write};
 use crate::{
     cli::StiffeningArguments,
     display::Display,
@@ -86,10 +86,7 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
         ))
     })?;
     let mut sentences = said(&posterior, &record, &error);
-    if let Some((side, text)) = other(&opened.study, &plan, &posterior) {
-        sentences.push(text);
-        tracing::debug!(side = side.name(), "the other breast has a record");
-    }
+    sentences.extend(other(&opened.study, &plan, &posterior));
     let (html, figures) = page(&opened.study.subject.id, &grid, &posterior, &record, &sentences);
     for (name, svg) in &figures {
         write(&folder.join(name), svg)?;
@@ -117,31 +114,19 @@ fn of_study(study: &Study, side: Side) -> Result<Measured, Failure> {
 }
 
 /// What to do with the record of the other breast, if there is one.
-fn other(study: &Study, plan: &CompressPlan, posterior: &Posterior) -> Option<(Side, String)> {
+fn other(study: &Study, plan: &CompressPlan, posterior: &Posterior) -> Option<String> {
     let side = match plan.side {
         Side::Right => Side::Left,
         Side::Left => Side::Right,
     };
     let record = study.records.get(&side)?;
     let (jm, distance) = (posterior.jm().best, posterior.distance().best);
-    let text = format!(
+    Some(format!(
         "The {} breast took no part; its record is {} N at {} mm. Foretell it: side = \"{}\", jm = {jm:.2}, \
          chest_wall_distance_mm = {distance:.1}.",
         side.name(),
         record.force_n,
         record.thickness_mm,
         side.name()
-    );
-    Some((side, text))
-}
-
-/// Values within bounds, rising, each once.
-fn rising(option: &str, given: &[f64], [least, most]: [f64; 2]) -> Result<Vec<f64>, Failure> {
-    if given.is_empty() || given.iter().any(|value| !(least..=most).contains(value)) {
-        return Err(Failure::Usage(format!("{option}: give numbers from {least} to {most}")));
-    }
-    let mut sorted = given.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    sorted.dedup();
-    Ok(sorted)
+    ))
 }

@@ -1,11 +1,13 @@
 //! Comparisons as one page that needs no other file.
 
 use super::{Difference, Found, ThesisStudy, Way, differences, shift_to_wall};
+use crate::page::begin;
 use mammotwin_data::{mesh::Patch, surface::TriMesh};
 use mammotwin_stages::{
     comfort::PressureMat,
     report::{
         chart::{Axis, Chart, Line, lines},
+        escaped,
         palette::Palette,
         raster::Raster,
         surface::{Camera, draw},
@@ -58,10 +60,6 @@ pub struct Figure {
     element: String,
 }
 
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
-}
-
 fn number(value: f64) -> String {
     match value.abs() {
         _ if !value.is_finite() => "–".into(),
@@ -79,18 +77,12 @@ pub fn page(subject: &str, study: ThesisStudy, ways: &[Way]) -> (String, Vec<Fig
         ThesisStudy::Positions => "One breast, the paddle at several distances",
     };
     let figures = figures(study, ways);
-    let mut html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n\
-         <style>body{{font:16px/1.5 sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;\
-         color:#222}}table{{border-collapse:collapse;font-size:14px;margin:1em 0}}\
-         th,td{{padding:.25em .6em;border-bottom:1px solid #ddd;text-align:right}}\
-         th:first-child,td:first-child{{text-align:left}}figure{{display:inline-block;margin:.5em;\
-         vertical-align:top}}figure svg{{width:520px;height:auto}}\
-         figcaption{{font-size:13px;color:#555;max-width:520px}}</style></head><body>\n\
-         <h1>{title}</h1>\n<p>{}. A research result, not a medical device; nothing here is a \
-         diagnosis.</p>\n",
-        escaped(subject)
-    );
+    let style = "table{border-collapse:collapse;font-size:14px;margin:1em 0}\
+                 th,td{padding:.25em .6em;border-bottom:1px solid #ddd;text-align:right}\
+                 th:first-child,td:first-child{text-align:left}figure{display:inline-block;margin:.5em;\
+                 vertical-align:top}figure svg{width:520px;height:auto}\
+                 figcaption{font-size:13px;color:#555;max-width:520px}";
+    let mut html = begin(title, subject, style);
     let found: Vec<(&Way, &Found)> =
         ways.iter().filter_map(|way| Some((way, way.found.as_ref().ok()?))).collect();
     // Writing to a string does not fail.

@@ -1,6 +1,7 @@
 //! Tables, figures and one page of a sensitivity study.
 
 use super::ErrorMap;
+use crate::page::begin;
 use mammotwin_data::study::Study;
 use mammotwin_stages::{
     report::{
@@ -88,15 +89,10 @@ pub fn page(
     rows: &[Errors],
 ) -> (String, Vec<(String, String)>) {
     let title = "How much depends on the tissues";
-    let mut html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n\
-         <style>body{{font:16px/1.5 sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;\
-         color:#222}}figure{{display:inline-block;margin:.5em;vertical-align:top}}\
-         figure.half svg{{width:500px;height:auto}}figure svg{{max-width:100%;height:auto}}\
-         figcaption{{font-size:14px;color:#444}}</style></head><body>\n<h1>{title}</h1>\n<p>{}. A \
-         research result, not a medical device; nothing here is a diagnosis.</p>\n",
-        study.subject.id.replace('&', "&amp;").replace('<', "&lt;")
-    );
+    let style = "figure{display:inline-block;margin:.5em;vertical-align:top}\
+                 figure.half svg{width:500px;height:auto}figure svg{max-width:100%;height:auto}\
+                 figcaption{font-size:14px;color:#444}";
+    let mut html = begin(title, &study.subject.id, style);
     if study.model.interface.is_bonded() {
         html += "<p>The breast is bonded to the chest wall here: its fascia moves nothing.</p>\n";
     }

@@ -1,8 +1,10 @@
 //! Tables, figures and one page.
 
 use super::{Course, Grid, Marginal, Measured, Posterior, RecordError};
+use crate::page::begin;
 use mammotwin_stages::report::{
     chart::{Axis, Chart, Line, lines},
+    escaped,
     heat::{HeatMap, HeatPanel, heat},
 };
 use std::fmt::Write;
@@ -94,15 +96,10 @@ pub fn page(
     sentences: &[String],
 ) -> (String, Vec<(String, String)>) {
     let title = "Jₘ from a record of force and thickness";
-    let escaped = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;");
-    let mut html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>{title}</title>\n\
-         <style>body{{font:16px/1.5 sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;\
-         color:#222}}figure{{margin:1em 0}}figure svg{{max-width:100%;height:auto}}\
-         figcaption{{font-size:14px;color:#444}}</style></head><body>\n<h1>{title}</h1>\n<p>{}. A \
-         research result, not a medical device; nothing here is a diagnosis.</p>\n<ul>\n",
-        escaped(subject)
-    );
+    let style = "figure{margin:1em 0}figure svg{max-width:100%;height:auto}\
+                 figcaption{font-size:14px;color:#444}";
+    let mut html = begin(title, subject, style);
+    html += "<ul>\n";
     for sentence in sentences {
         let _ = writeln!(html, "<li>{}</li>", escaped(sentence));
     }

@@ -38,6 +38,19 @@ pub struct Measured<'a> {
     pub others: Vec<(&'a str, &'a Registered, &'a PoseSurfaces)>,
 }
 
+impl<'a> Measured<'a> {
+    /// The reference pose (name, gravity, surfaces), and of each other pose its name, motion and surfaces.
+    pub fn new(
+        (reference, gravity, surfaces): (&'a str, Vec3, &'a PoseSurfaces),
+        names: &'a [String],
+        motions: &'a [Registered],
+        others: &'a [PoseSurfaces],
+    ) -> Self {
+        let others = names.iter().zip(motions).zip(others).map(|((n, m), s)| (n.as_str(), m, s));
+        Self { reference, gravity, surfaces, others: others.collect() }
+    }
+}
+
 impl<'a> Experiment<'a> {
     /// The experiment of a mesh, a plan and what was measured.
     ///

@@ -208,13 +208,8 @@ impl Stage for Calibrate {
 
     fn run(&self, input: &Input, progress: &dyn Progress) -> Result<Calibration, Failure> {
         let (mesh, reference, registered, surfaces) = input;
-        let names = self.poses.iter().map(String::as_str);
-        let measured = Measured {
-            reference: &self.reference,
-            gravity: self.gravity,
-            surfaces: reference,
-            others: names.zip(registered).zip(surfaces).map(|((n, m), s)| (n, m, s)).collect(),
-        };
+        let first = (self.reference.as_str(), self.gravity, reference);
+        let measured = Measured::new(first, &self.poses, registered, surfaces);
         let fitted = [Side::Right, Side::Left].into_iter().zip(FITTED);
         let wanted = |(_, key): &(Side, &str)| self.plan.parameters.iter().any(|p| p == key);
         let fitted = fitted.filter(wanted).map(|(side, _)| side).collect();

@@ -206,13 +206,8 @@ impl Gather {
     /// What was measured in all poses.
     pub(super) fn measured<'a>(&'a self, input: &'a Input) -> Measured<'a> {
         let (_, reference, _, _, registered, surfaces) = input;
-        let names = self.poses.iter().map(String::as_str);
-        Measured {
-            reference: &self.reference,
-            gravity: self.gravity,
-            surfaces: reference,
-            others: names.zip(registered).zip(surfaces).map(|((n, m), s)| (n, m, s)).collect(),
-        }
+        let first = (self.reference.as_str(), self.gravity, reference);
+        Measured::new(first, &self.poses, registered, surfaces)
     }
 }
 

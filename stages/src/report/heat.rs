@@ -38,16 +38,18 @@ pub struct HeatPanel {
 impl HeatPanel {
     /// A panel whose smallest value is framed.
     pub fn least(title: String, values: Vec<f64>) -> Self {
-        let finite = values.iter().enumerate().filter(|(_, value)| value.is_finite());
-        let framed = finite.min_by(|a, b| a.1.total_cmp(b.1)).map(|(place, _)| place);
-        Self { title, values, framed }
+        Self::framed(title, values, |value| value)
     }
 
     /// A panel whose largest value is framed.
     pub fn most(title: String, values: Vec<f64>) -> Self {
+        Self::framed(title, values, |value| -value)
+    }
+
+    fn framed(title: String, values: Vec<f64>, cost: fn(f64) -> f64) -> Self {
         let finite = values.iter().enumerate().filter(|(_, value)| value.is_finite());
-        let framed = finite.max_by(|a, b| a.1.total_cmp(b.1)).map(|(place, _)| place);
-        Self { title, values, framed }
+        let framed = finite.min_by(|a, b| cost(*a.1).total_cmp(&cost(*b.1)));
+        Self { framed: framed.map(|(place, _)| place), title, values }
     }
 }
 

@@ -222,7 +222,7 @@ fn legend() -> Vec<(String, &'static str)> {
 }
 
 /// Text as it is written in HTML.
-pub(super) fn escaped(text: &str) -> String {
+pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

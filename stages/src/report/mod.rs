@@ -16,7 +16,7 @@ pub mod scene;
 pub mod slice;
 pub mod surface;
 
-pub use html::render;
+pub use html::{escaped, render};
 
 use crate::results::Provenance;
 use chart::{Chart, Histogram};
