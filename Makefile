@@ -3,6 +3,6 @@ demo: ; scripts/demo
 test: ; scripts/test
 test-full: ; scripts/test --full
 lint: ; scripts/lint
-bench: ; cargo bench --workspace --benches
+bench: ; scripts/bench
 docs: ; scripts/docs
 package: ; scripts/package

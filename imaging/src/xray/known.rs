@@ -102,13 +102,11 @@ impl Known {
     }
 }
 
-/// Path lengths (mm) of a body on a detector: those of its surface, and root mean square and largest of
-/// their difference from the closed form, over the root mean square of the closed form.
+/// Path lengths (mm) inside a closed surface (mm, in the frame of the detector) on a detector.
 ///
 /// # Errors
-/// None for these bodies on a detector below them.
-pub fn measure(body: Known, geometry: &Geometry) -> Result<(Radiograph, [f64; 2]), RasterError> {
-    let height = geometry.source_height_mm;
+/// [`RasterError::Open`].
+pub fn shadow(surface: &TriMesh, geometry: &Geometry) -> Result<Radiograph, RasterError> {
     let window = Window {
         left_mm: geometry.left_mm(),
         first_row_mm: geometry.first_row_mm(),
@@ -116,9 +114,20 @@ pub fn measure(body: Known, geometry: &Geometry) -> Result<(Radiograph, [f64; 2]
         columns: geometry.columns,
         rows: geometry.rows,
     };
-    let paths = path_lengths(&body.surface(), height, &window)?;
+    let paths = path_lengths(surface, geometry.source_height_mm, &window)?;
+    Ok(geometry.picture(paths, "path length (mm)"))
+}
+
+/// Path lengths (mm) of a body on a detector: those of its surface, and root mean square and largest of
+/// their difference from the closed form, over the root mean square of the closed form.
+///
+/// # Errors
+/// None for these bodies on a detector below them.
+pub fn measure(body: Known, geometry: &Geometry) -> Result<(Radiograph, [f64; 2]), RasterError> {
+    let height = geometry.source_height_mm;
+    let picture = shadow(&body.surface(), geometry)?;
     let (mut squares, mut exact2, mut largest, mut count) = (0.0, 0.0, 0f64, 0.0);
-    for (n, &path) in paths.iter().enumerate() {
+    for (n, &path) in picture.pixels.iter().enumerate() {
         let at = geometry.pixel_mm(n / geometry.columns, n % geometry.columns);
         let exact = body.path_mm(height, at);
         if exact > 0.0 || path != 0.0 {
@@ -131,5 +140,5 @@ pub fn measure(body: Known, geometry: &Geometry) -> Result<(Radiograph, [f64; 2]
     }
     let scale = (exact2 / f64::max(count, 1.0)).sqrt();
     let rms = (squares / f64::max(exact2, f64::MIN_POSITIVE)).sqrt();
-    Ok((geometry.picture(paths, "path length (mm)"), [rms, largest / scale]))
+    Ok((picture, [rms, largest / scale]))
 }

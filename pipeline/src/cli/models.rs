@@ -26,6 +26,9 @@ pub struct ProjectionArguments {
     /// Pixel pitch (mm)
     #[arg(long, value_name = "MM", default_value_t = 0.1)]
     pub pixel_mm: f64,
+    /// Project this closed surface instead (STL): mm, x along the chest wall, y away from it, z up from the detector
+    #[arg(long, value_name = "FILE")]
+    pub surface: Option<PathBuf>,
 }
 
 pub(super) const IMAGE_CHAIN_HELP: &str = "\

@@ -14,7 +14,9 @@ pub enum StudyCommand {
     #[command(after_help = "Example:\n  mammotwin study dose --out runs/dose --photons 1000000")]
     Dose(DoseArguments),
     /// The projection of bodies with known path lengths: pictures, and how far off they are
-    #[command(after_help = "Example:\n  mammotwin study projection --out runs/projection")]
+    #[command(
+        after_help = "Examples:\n  mammotwin study projection --out runs/projection\n  mammotwin study projection --surface breast.stl --out runs/projection"
+    )]
     Projection(ProjectionArguments),
     /// Image-chain effects hidden in simulated measured mammograms: found, named, added
     #[command(after_help = IMAGE_CHAIN_HELP)]
