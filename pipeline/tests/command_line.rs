@@ -180,3 +180,24 @@ fn a_log_is_written_and_quiet_is_quiet() {
     let output = mammotwin(&quiet, folder.path());
     assert!(output.status.success() && output.stdout.is_empty() && output.stderr.is_empty());
 }
+
+#[test]
+fn a_surface_that_casts_no_shadow_is_refused() {
+    let corners = [[0.0, 10.0, 10.0], [40.0, 10.0, 10.0], [0.0, 50.0, 10.0], [0.0, 10.0, 50.0]];
+    let solid = |facets: &[[usize; 3]]| {
+        let facet = |f: &[usize; 3]| {
+            let vertex = |n: &usize| {
+                format!("vertex {} {} {}\n", corners[*n][0], corners[*n][1], corners[*n][2])
+            };
+            let loops: String = f.iter().map(vertex).collect();
+            format!("facet normal 0 0 0\nouter loop\n{loops}endloop\nendfacet\n")
+        };
+        format!("solid x\n{}endsolid x\n", facets.iter().map(facet).collect::<String>())
+    };
+    let outward = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+    let inward = outward.map(|[a, b, c]| [a, c, b]);
+    let arguments = ["study", "projection", "--surface", "study.toml", "--out", "out"];
+    refused(&solid(&outward[1..]), &arguments, 65, &["study.toml", "not closed"]);
+    refused(&solid(&inward), &arguments, 65, &["study.toml", "inside out"]);
+    refused("no solid", &arguments, 65, &["study.toml", "no STL file"]);
+}

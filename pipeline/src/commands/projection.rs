@@ -19,13 +19,18 @@ pub fn projection(arguments: &ProjectionArguments) -> Result<(), Failure> {
         return Err(Failure::Usage("--pixel-mm: give 0.05 to 10".into()));
     }
     let folder = &arguments.out;
-    fs::create_dir_all(folder).map_err(|cause| Failure::io(folder, cause))?;
     let geometry = Geometry::pristina(arguments.pixel_mm);
     if let Some(file) = &arguments.surface {
-        let picture = shadow(&stl::read(file)?, &geometry)
-            .map_err(|cause| Failure::BadInput(format!("{}: {cause}", file.display())))?;
+        let refused = |cause: String| Failure::BadInput(format!("{}: {cause}", file.display()));
+        let surface = stl::read(file)?;
+        let picture = shadow(&surface, &geometry).map_err(|cause| refused(cause.to_string()))?;
+        if surface.volume_mm3() <= 0.0 {
+            return Err(refused("the surface is inside out: turn its facets over".into()));
+        }
+        fs::create_dir_all(folder).map_err(|cause| Failure::io(folder, cause))?;
         return save(&folder.join("surface.tiff"), &picture);
     }
+    fs::create_dir_all(folder).map_err(|cause| Failure::io(folder, cause))?;
     let mut table = String::from(
         "# Path lengths of surfaces less closed forms, over the root mean square path\n\
          body,relative_rms,relative_largest\n",
