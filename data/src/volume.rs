@@ -29,6 +29,11 @@ impl Grid {
         self.len() == 0
     }
 
+    /// Mean edge of a voxel (mm).
+    pub fn mean_edge_mm(&self) -> f64 {
+        self.axes.column_iter().map(|step| step.norm()).sum::<f64>() / 3.0
+    }
+
     /// Position of voxel (i, j, k) in the values: i runs fastest.
     pub fn index(&self, [i, j, k]: [usize; 3]) -> usize {
         (k * self.shape[1] + j) * self.shape[0] + i

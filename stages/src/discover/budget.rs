@@ -24,7 +24,16 @@ pub struct Budget {
     pub chest_length_mm: f64,
     /// A surface that lies too far out or in as a whole.
     pub offset_mm: f64,
+    /// Edge of the voxels that the surfaces were made of.
+    pub voxel_mm: f64,
 }
+
+/// Scores (standard deviations) that volunteers without any effect have by what no budget knows, per mm of
+/// voxel and at least: the surfaces of voxels are too flat where skin is round, and the truth lies on another
+/// mesh. Without noise the largest were 2.5 and 1.7 with voxels of 2.5 mm (`tiny`, seeds 3 and 7), 1.3 with
+/// 1.25 mm (seed 3).
+const SYSTEMATIC_PER_MM: f64 = 0.8;
+const LEAST_SYSTEMATIC: f64 = 1.0;
 
 /// Least noise from node to node (mm).
 const LEAST_WHITE_MM: f64 = 0.25;
@@ -105,8 +114,8 @@ impl Budget {
     /// The budget of the residuals (mm) of all poses: noise from node to node and errors of the
     /// segmentation are taken for alike in size, and measured where residuals differ from the mean
     /// of their neighbours, robustly. The chest wall's 1 - 2.4 mm rms over waves of 160 - 320 mm is what people differ by
-    /// between poses (Mîra 2018, § 3.1; measured ±5 mm).
-    pub fn of(nodes: &Nodes, residual: &DVector<f64>) -> Self {
+    /// between poses (Mîra 2018, § 3.1; measured ±5 mm). `voxel_mm` is the edge of the images' voxels.
+    pub fn of(nodes: &Nodes, residual: &DVector<f64>, voxel_mm: f64) -> Self {
         let mut rough = nodes.roughness(residual);
         rough.sort_unstable_by(f64::total_cmp);
         // The median of |x| is 0.6745 standard deviations.
@@ -119,7 +128,13 @@ impl Budget {
             chest_mm: 1.05,
             chest_length_mm: 60.0,
             offset_mm: 0.3,
+            voxel_mm,
         }
+    }
+
+    /// The score (standard deviations) that stands for nothing: what no covariance here knows of.
+    pub fn systematic(&self) -> f64 {
+        f64::max(LEAST_SYSTEMATIC, SYSTEMATIC_PER_MM * self.voxel_mm)
     }
 
     /// Covariance (mm²) of the residuals of all poses; their rigid motions are open. `meshings` are differences (mm) to the same model on other meshes, whose

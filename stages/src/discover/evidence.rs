@@ -56,7 +56,7 @@ const SETTLED: f64 = 0.03;
 /// Largest part of the last step that the next one may have.
 const SLOWEST: f64 = 0.7;
 /// Changes of the logarithm of a modulus, for its first and second derivative.
-const SMALL_MODULUS: f64 = 0.05;
+pub(super) const SMALL_MODULUS: f64 = 0.05;
 const LARGE_MODULUS: f64 = 0.4;
 
 /// Residuals (mm) and their derivatives have the nodes of pose after pose, in one column.
@@ -213,7 +213,7 @@ impl Gather {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 10;
+    const VERSION: u32 = 11;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, with their derivatives by the moduli and by the amplitude of each effect of \
          a library, and their differences to the same model on five other meshes.";
@@ -300,7 +300,7 @@ impl Stage for Gather {
         let edges = edges(mesh, &nodes);
         let places =
             Nodes { edges: &edges, reference: &reference, shapes: &shapes, growth: &growth };
-        let budget = Budget::of(&places, &(&here - &off));
+        let budget = Budget::of(&places, &(&here - &off), labels.grid.mean_edge_mm());
         let whitener = Whitener::all(&budget.covariance(&places, &meshings))
             .ok_or_else(|| Failure::Numerics("discover: errors without a covariance".into()))?;
         let projector = Projector::new(&whitener, &by_moduli);

@@ -139,11 +139,11 @@ type Input = (Evidence, evidence::Input);
 
 impl Stage for Discover {
     const NAME: &'static str = "discover";
-    const VERSION: u32 = 7;
+    const VERSION: u32 = 8;
     const METHODS: &'static str = "Residuals were weighed with the covariance of the errors of segmentation, registration, \
          chest wall and mesh. A score test asked for each effect of the library whether what the \
          moduli do not absorb of its signature is in the residuals; the threshold is the 99 % quantile \
-         of the largest score, and two standard deviations of systematic error in quadrature. The best effects were fitted together with the moduli, and judged on a \
+         of the largest score, and 0.8 standard deviations per mm of voxel, at least 1, of systematic error in quadrature. The best effects were fitted together with the moduli, and judged on a \
          pose that the search did not see.";
     type Input = Input;
     type Output = Discovery;

@@ -1,20 +1,29 @@
 //! Fit of the moduli, with or without one effect: linear, or Gauss-Newton with Broyden's updates.
 
-use super::{budget::Whitener, evidence::Evidence, observe, signature::Projector};
+use super::{
+    budget::Whitener,
+    evidence::{Evidence, SMALL_MODULUS},
+    observe,
+    signature::Projector,
+};
 use crate::{
     calibrate::{Experiment, Fit},
-    effects::Effect,
+    effects::{Amplitude, Effect},
     model::{Body, Moduli},
 };
 use mammotwin_data::{Failure, progress::Silent, study::ModelPlan};
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
-/// Evaluations of one fit at most.
-const MOST: usize = 6;
+/// Evaluations of one fit at most, but those of derivatives.
+const MOST: usize = 10;
 /// A fit ends when the misfit falls by less than this (it counts squared standard deviations).
 const ENOUGH: f64 = 0.2;
 /// Largest change of the logarithm of a modulus in one step.
 const STRIDE: f64 = 0.5;
+
+/// Smallest part of a step that is tried.
+const LEAST_DAMPING: f64 = 0.05;
 
 /// What a fit needs to know.
 pub(super) struct Refit<'a> {
@@ -94,76 +103,118 @@ pub(super) fn with_effect(plan: &ModelPlan, effect: &Effect, amplitude: f64) -> 
     plan
 }
 
+/// Where a fit stands.
+struct At {
+    /// Logarithms of both moduli over the start, and the amplitude.
+    unknowns: DVector<f64>,
+    fit: Fit,
+    /// Residuals (mm) of all poses.
+    all: DVector<f64>,
+    /// Those of the seen poses, whitened.
+    seen: DVector<f64>,
+}
+
 impl Refit<'_> {
-    /// Fits the moduli, and the amplitude of an effect.
+    /// Fits the moduli, and the amplitude of an effect, from where signatures put them.
+    ///
+    /// Gauss-Newton with Broyden's updates, in standard deviations of the unknowns; where it stalls, derivatives are taken
+    /// anew, once.
     pub fn run(&self, effect: Option<Start>) -> (Fitted, Fit) {
-        let Evidence { by_moduli, signatures, .. } = self.evidence;
+        let Evidence { by_moduli, signatures, moduli, .. } = self.evidence;
+        let unknowns = by_moduli.len() + usize::from(effect.is_some());
+        let base = self.at(DVector::zeros(unknowns), self.start.clone());
+        let screened = linear(
+            self.evidence,
+            self.whitener,
+            self.seen,
+            &base.all,
+            effect.map(|(signature, _)| signature),
+        );
         let mut columns: Vec<DVector<f64>> = by_moduli.iter().map(|v| self.whitened(v)).collect();
-        columns.extend(effect.map(|(k, _)| self.whitened(&signatures[k].slope)));
-        let (effect, mut first) = effect.map(|(k, first)| (signatures[k].effect, first)).unzip();
+        let far = [
+            (screened.moduli.right_kpa / moduli.right_kpa).ln(),
+            (screened.moduli.left_kpa / moduli.left_kpa).ln(),
+        ];
+        let mut first: Vec<f64> = far.map(|log| log.clamp(-STRIDE, STRIDE)).into();
+        if let Some((k, amplitude)) = effect {
+            columns.push(self.whitened(&signatures[k].rate(amplitude)));
+            first.push(amplitude);
+        }
+        let effect = effect.map(|(k, _)| signatures[k].effect);
         let mut jacobian = DMatrix::from_columns(&columns);
-        // Unknowns: logarithms of both moduli over the start, amplitude.
-        let mut at = DVector::zeros(columns.len());
-        let mut fit = self.start.clone();
-        let all = self.evidence.residual_of(&fit);
-        let mut residual = self.whitened(&all);
-        let mut best = Fitted {
-            residual: all,
-            moduli: fit.moduli,
-            amplitude: 0.0,
-            amplitude_sd: f64::NAN,
-            misfit: residual.norm_squared(),
-        };
-        let mut damping = 1.0;
+        let mut at = base;
+        let mut next = DVector::from_vec(first);
+        let (mut damping, mut fresh) = (1.0, false);
         for _ in 0..MOST {
-            let Some(step) = least_squares(&jacobian, &residual) else { break };
-            let mut step: DVector<f64> = damping * step;
-            if let Some(amplitude) = first.take() {
-                // The score's amplitude is better than a linear one far outside of the range.
-                step[2] = step[2].clamp(-2.0 * amplitude.abs(), 2.0 * amplitude.abs());
+            let step = &next - &at.unknowns;
+            let trial = self.evaluate(&next, effect, &at.fit).map(|fit| self.at(next.clone(), fit));
+            let mut stalled = step.norm() == 0.0;
+            match trial {
+                Ok(trial) if !stalled => {
+                    let change = &trial.seen - &at.seen - &jacobian * &step;
+                    broyden(&mut jacobian, &change, &step);
+                    let gain = at.misfit() - trial.misfit();
+                    if gain > 0.0 {
+                        (at, damping) = (trial, 1.0);
+                    } else {
+                        damping *= 0.4;
+                    }
+                    stalled = gain.abs() < ENOUGH || damping < LEAST_DAMPING;
+                }
+                _ => damping *= 0.4,
             }
+            if stalled {
+                if fresh {
+                    break;
+                }
+                let Some(derivatives) = self.derivatives(&at, effect) else { break };
+                (jacobian, fresh, damping) = (derivatives, true, 1.0);
+            }
+            let Some(step) = least_squares(&jacobian, &at.seen) else { break };
+            let mut step: DVector<f64> = damping * step;
             let limit = step.rows(0, 2).amax() / STRIDE;
             if limit > 1.0 {
                 step.rows_mut(0, 2).scale_mut(1.0 / limit);
             }
-            let mut next = &at + &step;
+            next = &at.unknowns + step;
             if let Some(effect) = effect {
                 let [least, greatest] = effect.amplitude.range;
                 next[2] = next[2].clamp(least, greatest);
             }
-            let step = &next - &at;
-            if step.norm() == 0.0 {
-                break;
-            }
-            let Ok(trial) = self.evaluate(&next, effect, &fit) else {
-                damping *= 0.4;
-                continue;
+        }
+        let best = Fitted {
+            misfit: at.misfit(),
+            moduli: at.fit.moduli,
+            amplitude: if effect.is_some() { at.unknowns[2] } else { 0.0 },
+            amplitude_sd: if effect.is_some() { deviation(&jacobian) } else { f64::NAN },
+            residual: at.all,
+        };
+        (best, at.fit)
+    }
+
+    fn at(&self, unknowns: DVector<f64>, fit: Fit) -> At {
+        let all = self.evidence.residual_of(&fit);
+        At { unknowns, fit, seen: self.whitened(&all), all }
+    }
+
+    /// Derivatives of the whitened residuals by differences; `None` where the model does not stand.
+    fn derivatives(&self, at: &At, effect: Option<&Effect>) -> Option<DMatrix<f64>> {
+        let column = |n: usize| {
+            let amplitude = effect.filter(|_| n == 2).map(|effect| effect.amplitude);
+            let step = match amplitude {
+                None => SMALL_MODULUS,
+                Some(Amplitude { small, range: [_, greatest], .. }) => {
+                    if at.unknowns[2] + small > greatest { -small } else { small }
+                }
             };
-            let all = self.evidence.residual_of(&trial);
-            let there = self.whitened(&all);
-            let change = &there - &residual - &jacobian * &step;
-            jacobian.ger(1.0 / step.norm_squared(), &change, &step, 1.0);
-            let misfit = there.norm_squared();
-            let gain = best.misfit - misfit;
-            if gain > 0.0 {
-                let amplitude = if effect.is_some() { next[2] } else { 0.0 };
-                let moduli = trial.moduli;
-                best = Fitted { residual: all, moduli, amplitude, misfit, amplitude_sd: f64::NAN };
-                (fit, at, residual, damping) = (trial, next, there, 1.0);
-                if gain < ENOUGH {
-                    break;
-                }
-            } else {
-                damping *= 0.4;
-                if damping < 0.05 {
-                    break;
-                }
-            }
-        }
-        if effect.is_some() {
-            best.amplitude_sd = deviation(&jacobian);
-        }
-        (best, fit)
+            let mut there = at.unknowns.clone();
+            there[n] += step;
+            let there = self.evaluate(&there, effect, &at.fit).ok()?;
+            Some((self.whitened(&self.evidence.residual_of(&there)) - &at.seen) / step)
+        };
+        let columns: Option<Vec<DVector<f64>>> =
+            (0..at.unknowns.len()).into_par_iter().map(column).collect();
+        columns.map(|columns| DMatrix::from_columns(&columns))
     }
 
     fn whitened(&self, all: &DVector<f64>) -> DVector<f64> {
@@ -189,6 +240,26 @@ impl Refit<'_> {
     }
 }
 
+impl At {
+    fn misfit(&self) -> f64 {
+        self.seen.norm_squared()
+    }
+}
+
+/// Broyden's update in units in which each unknown changes the residuals alike: what a step changed beyond
+/// what `jacobian` told.
+fn broyden(jacobian: &mut DMatrix<f64>, change: &DVector<f64>, step: &DVector<f64>) {
+    let weights = DVector::from_iterator(
+        jacobian.ncols(),
+        jacobian.column_iter().map(|column| column.norm_squared()),
+    );
+    let along = step.component_mul(&weights);
+    let length = step.dot(&along);
+    if length > 0.0 {
+        jacobian.ger(1.0 / length, change, &along, 1.0);
+    }
+}
+
 /// Standard deviation of the third unknown of whitened residuals.
 fn deviation(jacobian: &DMatrix<f64>) -> f64 {
     let covariance = (jacobian.transpose() * jacobian).try_inverse();
@@ -198,4 +269,26 @@ fn deviation(jacobian: &DMatrix<f64>) -> f64 {
 fn least_squares(jacobian: &DMatrix<f64>, residual: &DVector<f64>) -> Option<DVector<f64>> {
     let normal = jacobian.transpose() * jacobian;
     normal.cholesky().map(|factor| factor.solve(&(-(jacobian.transpose() * residual))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_update_does_not_depend_on_units() {
+        let columns = [[1.0, 0.2, 0.0], [0.3, 2.0, 0.1]];
+        let [first, second] = columns.map(|c| DVector::from_row_slice(&c));
+        let mut plain = DMatrix::from_columns(&[first.clone(), second.clone()]);
+        // The second unknown in thousandths.
+        let mut scaled = DMatrix::from_columns(&[first, &second / 1000.0]);
+        let change = DVector::from_row_slice(&[0.1, -0.3, 0.5]);
+        let step = DVector::from_row_slice(&[0.4, 0.7]);
+        let before = &plain * &step;
+        broyden(&mut plain, &change, &step);
+        broyden(&mut scaled, &change, &DVector::from_row_slice(&[0.4, 700.0]));
+        assert!((&plain * &step - before - &change).norm() < 1e-12);
+        assert!((scaled.column(1) * 1000.0 - plain.column(1)).norm() < 1e-9);
+        assert!((scaled.column(0) - plain.column(0)).norm() < 1e-12);
+    }
 }

@@ -1,6 +1,6 @@
 //! Score test: does any effect explain the residuals beyond what the moduli can?
 
-use super::signature::{Projector, Signature};
+use super::signature::{Explained, Projector, Signature};
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -9,10 +9,6 @@ use serde::{Deserialize, Serialize};
 
 /// Chance of naming anything where there is nothing.
 const ALPHA: f64 = 0.01;
-/// Scores that volunteers without any effect have by what no budget knows (standard deviations): their
-/// truth lies on another mesh under measured surfaces of another kind. Without noise the largest were
-/// 2.5 and 1.7 (`tiny`, seeds 3 and 7); a score must stand out from that as well.
-const SYSTEMATIC: f64 = 2.0;
 /// Draws of the largest score under nothing.
 const DRAWS: usize = 20_000;
 const SEED: u64 = 0x5c0e;
@@ -48,11 +44,13 @@ pub struct Screening {
 }
 
 impl Screening {
-    /// Tests signatures (rows as the residuals) against residuals (mm).
+    /// Tests signatures (rows as the residuals) against residuals (mm). `systematic` is the score that stands for nothing
+    /// beside chance.
     pub(super) fn new(
         projector: &Projector,
         residual: &DVector<f64>,
         signatures: &[Signature],
+        systematic: f64,
     ) -> Self {
         let (rest, _) = projector.surviving(residual);
         let (unit, parts): (Vec<DVector<f64>>, Vec<f64>) = signatures
@@ -63,24 +61,34 @@ impl Screening {
         let cosines: Vec<Vec<f64>> =
             unit.iter().map(|a| unit.iter().map(|b| a.dot(b)).collect()).collect();
         let ranges: Vec<[f64; 2]> = signatures.iter().map(|s| s.effect.amplitude.range).collect();
-        let of = |i: usize, j: usize| cosines[i][j];
-        let limit =
-            by_chance(&DMatrix::from_fn(unit.len(), unit.len(), of), &ranges).hypot(SYSTEMATIC);
-        let score = |(signature, surviving): (&Signature, f64)| {
-            let explained = projector.explain(signature, &rest);
+        let explained: Vec<Explained> =
+            signatures.iter().map(|s| projector.explain(s, &rest)).collect();
+        let limit = |tested: &[usize]| {
+            let cosines =
+                DMatrix::from_fn(tested.len(), tested.len(), |i, j| cosines[tested[i]][tested[j]]);
+            let ranges: Vec<[f64; 2]> = tested.iter().map(|&k| ranges[k]).collect();
+            by_chance(&cosines, &ranges).hypot(systematic)
+        };
+        let all: Vec<usize> = (0..signatures.len()).collect();
+        let strictest = limit(&all);
+        // What the data could not show at all is no trial, and raises no threshold.
+        let testable: Vec<usize> =
+            all.iter().copied().filter(|&k| explained[k].largest() > strictest).collect();
+        let limit = if testable.is_empty() { strictest } else { limit(&testable) };
+        let score = |k: usize| {
+            let (explained, effect) = (&explained[k], signatures[k].effect);
             let (amplitude, gain) = explained.best();
-            let detectable_z = explained.largest();
-            let testable = detectable_z > limit;
+            let testable = testable.contains(&k);
             Score {
-                effect: signature.effect.name.into(),
+                effect: effect.name.into(),
                 z: gain.sqrt(),
                 amplitude: testable.then_some(amplitude),
-                surviving,
-                detectable_z,
+                surviving: parts[k],
+                detectable_z: explained.largest(),
                 testable,
             }
         };
-        Self { scores: signatures.iter().zip(parts).map(score).collect(), limit, cosines }
+        Self { scores: all.iter().map(|&k| score(k)).collect(), limit, cosines }
     }
 
     /// Scores, the largest first.

@@ -53,6 +53,11 @@ impl Signature {
         amplitude * &self.slope + bent(amplitude, self.reach) * &self.curve
     }
 
+    /// Derivative (mm) of the change by the amplitude, at an amplitude.
+    pub(super) fn rate(&self, amplitude: f64) -> DVector<f64> {
+        &self.slope + bent_rate(amplitude, self.reach) * &self.curve
+    }
+
     /// Some of the rows.
     pub(super) fn of(&self, rows: impl Fn(&DVector<f64>) -> DVector<f64>) -> Self {
         let kept = self.kept.iter().map(|(amplitude, change)| (*amplitude, rows(change)));
@@ -103,6 +108,11 @@ impl Signature {
 /// Factor of the curvature: the square of the amplitude, in proportion beyond the reach.
 fn bent(amplitude: f64, reach: f64) -> f64 {
     amplitude.abs() * amplitude.abs().min(reach)
+}
+
+/// Its derivative.
+fn bent_rate(amplitude: f64, reach: f64) -> f64 {
+    amplitude.signum() * if amplitude.abs() > reach { reach } else { 2.0 * amplitude.abs() }
 }
 
 /// Steps of a calibration, and how far the logarithm of a modulus may go: up to there it bends as known.
@@ -230,8 +240,7 @@ impl Explained {
 
     /// Size of the derivative of the change by the amplitude.
     pub fn rate(&self, amplitude: f64) -> f64 {
-        let far = amplitude.abs() > self.reach;
-        let b = amplitude.signum() * if far { self.reach } else { 2.0 * amplitude.abs() };
+        let b = bent_rate(amplitude, self.reach);
         let [slope, mixed, curve] = self.products;
         (slope + 2.0 * b * mixed + b * b * curve).max(0.0).sqrt()
     }
@@ -296,6 +305,12 @@ mod tests {
         }
         let far = signature.change(1.6) - 2.0 * saturating(0.8);
         assert!(far.norm() < 1e-12);
+        for amplitude in [-1.2, -0.3, 0.3, 1.2] {
+            let step = 1e-6;
+            let change = signature.change(amplitude + step) - signature.change(amplitude - step);
+            let off = signature.rate(amplitude) - change / (2.0 * step);
+            assert!(off.norm() < 1e-8, "{amplitude}: {off}");
+        }
     }
 
     #[test]

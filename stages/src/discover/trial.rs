@@ -49,7 +49,7 @@ impl Evidence {
     /// The same with errors (mm) on top; how rough they are is measured anew.
     pub fn with_errors(&self, errors: &DVector<f64>) -> Self {
         let residual = &self.residual + errors;
-        let budget = Budget::of(&self.places(), &residual);
+        let budget = Budget::of(&self.places(), &residual, self.budget.voxel_mm);
         Self { residual, budget, ..self.clone() }
     }
 

@@ -87,7 +87,7 @@ const SMOOTH_LENGTH_MM: f64 = 35.0;
 pub(crate) const RARE: f64 = 3.09;
 /// Effects whose misfit is this near to the best are not told apart.
 pub(crate) const ALIKE: f64 = 4.0;
-/// The held-out pose must gain so many standard errors.
+/// The held-out pose must gain so many standard errors; if it loses as many, the effect is refuted.
 pub(crate) const HELD_OUT: f64 = 2.0;
 /// A pose that lies farther off (mm) than this was registered wrongly.
 const MISPLACED_MM: f64 = 4.0;
@@ -166,7 +166,8 @@ impl<'a> Judge<'a> {
     pub fn screen(&self, residual: &DVector<f64>) -> Screening {
         let seen = |signature: &Signature| signature.of(|v| self.seen(v));
         let signatures: Vec<Signature> = self.evidence.signatures.iter().map(seen).collect();
-        Screening::new(&self.projector(), &self.seen(residual), &signatures)
+        let systematic = self.evidence.budget.systematic();
+        Screening::new(&self.projector(), &self.seen(residual), &signatures, systematic)
     }
 
     /// What the moduli leave of the seen residuals.
@@ -295,7 +296,7 @@ impl<'a> Judge<'a> {
                 return;
             }
         }
-        let found = scores.iter().any(|score| score.z > *limit);
+        let found = scores.iter().any(|score| score.testable && score.z > *limit);
         let left = self.left(before);
         let Some(best) = verdict.candidates.first().filter(|_| found) else {
             if left[0] > left[1] {
@@ -339,7 +340,7 @@ impl<'a> Judge<'a> {
                 best.effect, best.left[0], best.left[1]
             );
             (VerdictName::Unknown, reason)
-        } else if z < 0.0 {
+        } else if z < -HELD_OUT {
             let reason = format!("{} makes the held-out pose worse ({z:.1} s.e.)", best.effect);
             (VerdictName::Unknown, reason)
         } else if alike.len() > 1 {

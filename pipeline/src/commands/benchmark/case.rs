@@ -42,6 +42,8 @@ pub struct Case {
     pub sigma: f64,
     /// How she is measured.
     pub kind: Kind,
+    /// Edge of her voxels (mm); `None` for the preset's.
+    pub voxel_mm: Option<f64>,
 }
 
 impl Case {
@@ -52,7 +54,8 @@ impl Case {
             // With the amplitude: other evidence asks for another volunteer.
             Some((effect, amplitude)) => format!("{}_{}_{amplitude:.6}", effect.name, self.sigma),
         };
-        self.out.join(kind).join(format!("{}-{}", self.preset, self.seed)).join(name)
+        let voxel = self.voxel_mm.map_or(String::new(), |mm| format!("-{mm}mm"));
+        self.out.join(kind).join(format!("{}-{}{voxel}", self.preset, self.seed)).join(name)
     }
 
     /// Whether a stage has been computed already.
@@ -70,7 +73,7 @@ impl Case {
             let settings = Settings {
                 preset: self.preset.clone(),
                 seed: self.seed,
-                voxel_mm: None,
+                voxel_mm: self.voxel_mm.map(|mm| [mm; 3]),
                 poses: PoseName::ALL.to_vec(),
                 hidden: self.hidden.iter().map(|(e, a)| (e.name.to_string(), *a)).collect(),
                 still: self.kind == Kind::Exact,

@@ -57,7 +57,8 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     let end = arguments.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * minutes));
     let late = || end.is_some_and(|end| Instant::now() >= end);
     let task = Task::new("benchmark");
-    let voxel_mm = Preset::named(&arguments.preset)?.image.voxel_mm.iter().sum::<f64>() / 3.0;
+    let preset = Preset::named(&arguments.preset)?;
+    let voxel_mm = arguments.voxel_mm.unwrap_or(preset.image.voxel_mm.iter().sum::<f64>() / 3.0);
     let mut results = tally::Results::default();
     for &seed in &arguments.seeds {
         let case = |hidden: Option<(&'static Effect, f64)>, sigma: f64, kind: Kind| Case {
@@ -67,6 +68,7 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
             hidden,
             sigma,
             kind,
+            voxel_mm: arguments.voxel_mm,
         };
         task.report(0.0, &format!("seed {seed}: nothing hidden"));
         let null = case(None, 0.0, Kind::Exact).evidence()?;
