@@ -12,6 +12,7 @@ macro_rules! tell {
     }};
 }
 
+pub mod accuracy;
 pub mod bids;
 pub mod cli;
 pub mod commands;

@@ -24,6 +24,9 @@ pub enum StudyCommand {
     /// How often `discover` names what was hidden: volunteers with hidden effects, scored
     #[command(after_help = BENCHMARK_HELP)]
     Discovery(BenchmarkArguments),
+    /// Fit, held-out poses and moduli of digital volunteers, with the right and with too simple a law
+    #[command(after_help = CALIBRATION_HELP)]
+    Calibration(CalibrationArguments),
     /// One breast under several paddles: comfort, image, dose; table, charts, page
     #[command(after_help = PADDLES_EXAMPLES)]
     Paddles(PaddlesArguments),
@@ -36,6 +39,40 @@ pub enum StudyCommand {
     /// Jₘ and the place of the paddle from a record of force and thickness: posterior of both
     #[command(after_help = STIFFENING_HELP)]
     Stiffening(StiffeningArguments),
+}
+
+const CALIBRATION_HELP: &str = "\
+Makes each person twice, of neo-Hookean tissue and of tissue that stiffens as it stretches (Gent), with all errors
+of images, segmentation and registration. Fits the first, and the second with both laws. What is there already is used
+again; tables and figure are written after each person.
+
+Examples:
+  mammotwin study calibration --seeds 11,12,13 --out runs/calibration
+  mammotwin study calibration --voxel-mm 1.25 --stiffening 0.5";
+
+/// The study of the calibration.
+#[derive(Debug, Clone, Args)]
+pub struct CalibrationArguments {
+    /// Folder to write to
+    #[arg(long, value_name = "DIR", default_value = "runs/calibration")]
+    pub out: PathBuf,
+    /// Kind of volunteers
+    #[arg(long, value_name = "PRESET", default_value = "tiny")]
+    pub preset: String,
+    /// Which persons of that kind
+    #[arg(
+        long,
+        value_name = "N",
+        value_delimiter = ',',
+        default_values_t = [11, 12, 13, 14, 15, 16, 17, 18, 19, 20]
+    )]
+    pub seeds: Vec<u64>,
+    /// Edge of the voxels (mm) [default: the preset's]
+    #[arg(long, value_name = "MM")]
+    pub voxel_mm: Option<f64>,
+    /// 1/Jₘ of tissue that stiffens
+    #[arg(long, value_name = "X", default_value_t = 0.8)]
+    pub stiffening: f64,
 }
 
 const STIFFENING_HELP: &str = "\

@@ -1,5 +1,6 @@
 //! One function for each command.
 
+pub mod accuracy;
 pub mod benchmark;
 pub mod bids;
 pub mod check;
@@ -19,6 +20,7 @@ pub mod sensitivity;
 pub mod status;
 pub mod stiffening;
 pub mod synth;
+mod volunteer;
 
 use crate::{
     cli::{Arguments, Command, StudyArguments, StudyCommand},
@@ -62,6 +64,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Study(StudyCommand::Projection(arguments)) => projection::projection(arguments),
         Command::Study(StudyCommand::ImageChain(arguments)) => image_chain::image_chain(arguments),
         Command::Study(StudyCommand::Discovery(arguments)) => benchmark::benchmark(arguments),
+        Command::Study(StudyCommand::Calibration(arguments)) => accuracy::calibration(arguments),
         Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),
         Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),
         Command::Study(StudyCommand::Sensitivity(arguments)) => sensitivity::sensitivity(arguments),

@@ -3,8 +3,8 @@
 use super::HELD_OUT;
 use crate::{
     cli::StudyArguments,
-    commands::{Opened, open, write},
-    display::{Display, Task},
+    commands::{Opened, open, volunteer::made, write},
+    display::Display,
     graph,
 };
 use mammotwin_data::{
@@ -15,7 +15,7 @@ use mammotwin_data::{
 use mammotwin_stages::{
     discover::{Discovery, Evidence},
     effects::Effect,
-    volunteer::{PoseName, Settings, synthesize},
+    volunteer::{PoseName, Settings},
 };
 use std::{fs, path::PathBuf};
 
@@ -66,26 +66,21 @@ impl Case {
     /// Makes the volunteer, unless she is there.
     fn study(&self) -> Result<Opened, Failure> {
         let folder = self.folder();
-        let study = folder.join("study.toml");
-        // Written last.
-        let made = folder.join("made.txt");
-        if !made.exists() {
-            let settings = Settings {
-                preset: self.preset.clone(),
-                seed: self.seed,
-                voxel_mm: self.voxel_mm.map(|mm| [mm; 3]),
-                poses: PoseName::ALL.to_vec(),
-                hidden: self.hidden.iter().map(|(e, a)| (e.name.to_string(), *a)).collect(),
-                still: self.kind == Kind::Exact,
-                elements: Some(Elements::Quadratic),
-                out_dir: folder.clone(),
-            };
-            synthesize(&settings, &Task::new("synth"))?;
-            if self.kind == Kind::Exact {
-                let text = fs::read_to_string(&study).map_err(|c| Failure::io(&study, c))?;
-                write(&study, with_labels(&text))?;
-            }
-            write(&made, "")?;
+        let settings = Settings {
+            preset: self.preset.clone(),
+            seed: self.seed,
+            voxel_mm: self.voxel_mm.map(|mm| [mm; 3]),
+            poses: PoseName::ALL.to_vec(),
+            hidden: self.hidden.iter().map(|(e, a)| (e.name.to_string(), *a)).collect(),
+            still: self.kind == Kind::Exact,
+            elements: Some(Elements::Quadratic),
+            out_dir: folder.clone(),
+        };
+        let mut study = made(&settings)?;
+        if self.kind == Kind::Exact {
+            let text = fs::read_to_string(&study).map_err(|c| Failure::io(&study, c))?;
+            study = folder.join("labels.toml");
+            write(&study, with_labels(&text))?;
         }
         open(&StudyArguments { study, out: None })
     }

@@ -1,0 +1,111 @@
+//! `mammotwin study calibration`: digital volunteers through images, fit and held-out poses.
+
+use super::{Opened, open, volunteer::made, write};
+use crate::{
+    accuracy::{Fitted, Hypothesis, chart, markdown, measure, table},
+    cli::{CalibrationArguments, StudyArguments},
+    display::{Display, Task},
+    graph,
+};
+use mammotwin_data::{
+    Failure,
+    progress::Progress,
+    store::{self, Drive, Options},
+    study::Elements,
+};
+use mammotwin_stages::{
+    effects::Effect,
+    volunteer::{PoseName, Settings},
+};
+use std::{collections::BTreeMap, fs, path::Path};
+
+/// The effect by which tissue stiffens.
+const STIFFENING: &str = "limit_chain";
+
+/// Makes and fits what is not there; writes `calibration.csv`, `calibration.md` and `held_out.svg` after each volunteer.
+pub fn calibration(arguments: &CalibrationArguments) -> Result<(), Failure> {
+    let voxel_mm = arguments.voxel_mm;
+    if voxel_mm.is_some_and(|mm| !(0.2..=10.0).contains(&mm)) {
+        return Err(Failure::Usage("--voxel-mm: give 0.2 to 10 mm".into()));
+    }
+    let range = Effect::named(STIFFENING).map_or([0.0; 2], |effect| effect.amplitude.range);
+    if !(arguments.stiffening > range[0] && arguments.stiffening <= range[1]) {
+        return Err(Failure::Usage(format!("--stiffening: give more than 0, up to {}", range[1])));
+    }
+    if arguments.seeds.is_empty() {
+        return Err(Failure::Usage("--seeds: give at least one".into()));
+    }
+    let out = &arguments.out;
+    fs::create_dir_all(out).map_err(|cause| Failure::io(out, cause))?;
+    let task = Task::new("calibration");
+    let mut all: Vec<Fitted> = Vec::new();
+    let mut failed = Vec::new();
+    let steps = (arguments.seeds.len() * Hypothesis::ALL.len()) as f64;
+    for &seed in &arguments.seeds {
+        for hypothesis in Hypothesis::ALL {
+            let name = hypothesis.name();
+            task.report((all.len() + failed.len()) as f64 / steps, &format!("seed {seed}: {name}"));
+            match fitted(arguments, seed, hypothesis) {
+                Ok(fit) => all.push(fit),
+                Err(Failure::Numerics(why)) => {
+                    failed.push(format!("- seed {seed}, {name}: {why}\n"));
+                }
+                Err(other) => return Err(other),
+            }
+        }
+        write(&out.join("calibration.csv"), table(&all))?;
+        let mut text = markdown(&all);
+        if !failed.is_empty() {
+            text += &format!("\nWithout a fit:\n\n{}", failed.concat());
+        }
+        write(&out.join("calibration.md"), text)?;
+        write(&out.join("held_out.svg"), chart(&all, PoseName::Tilted.name()))?;
+    }
+    drop(task);
+    tell!("{}", markdown(&all));
+    failed.iter().for_each(|line| tell!("{}", line.trim_end()));
+    tell!("{}: calibration.csv, calibration.md, held_out.svg", out.display());
+    Ok(())
+}
+
+fn fitted(
+    arguments: &CalibrationArguments,
+    seed: u64,
+    hypothesis: Hypothesis,
+) -> Result<Fitted, Failure> {
+    let preset = &arguments.preset;
+    let (tissue, hidden) = match hypothesis.tissue_stiffens() {
+        false => ("neo_hookean", BTreeMap::new()),
+        true => ("gent", BTreeMap::from([(STIFFENING.into(), arguments.stiffening)])),
+    };
+    let folder = arguments.out.join(format!("{preset}-{seed}-{tissue}"));
+    let study = made(&Settings {
+        preset: preset.clone(),
+        seed,
+        voxel_mm: arguments.voxel_mm.map(|mm| [mm; 3]),
+        poses: PoseName::ALL.to_vec(),
+        hidden,
+        still: false,
+        elements: Some(Elements::Quadratic),
+        out_dir: folder.clone(),
+    })?;
+    let study = match hypothesis {
+        Hypothesis::Stiffening => stiffened(&study, arguments.stiffening)?,
+        _ => study,
+    };
+    let opened = open(&StudyArguments { study, out: Some(folder.join("out")) })?;
+    let Opened { study, base, store, .. } = &opened;
+    let options = Options { until: vec!["validate".into()], ..Options::default() };
+    let display = Display::new();
+    let drive = Drive { store, base, options: &options, listener: &display };
+    let pass = store::execute(&drive, |run| graph::run(study, run))?;
+    measure(&pass.outcome, &folder.join("truth"), seed, hypothesis)
+}
+
+/// The study of a volunteer with a model that stiffens.
+fn stiffened(study: &Path, amplitude: f64) -> Result<std::path::PathBuf, Failure> {
+    let text = fs::read_to_string(study).map_err(|cause| Failure::io(study, cause))?;
+    let with = study.with_file_name("study_gent.toml");
+    write(&with, format!("{text}\n[model.effects]\n{STIFFENING} = {amplitude}\n"))?;
+    Ok(with)
+}
