@@ -5,7 +5,7 @@ mod page;
 pub use page::{chart, markdown, table};
 
 use crate::graph::Outcome;
-use mammotwin_data::{Failure, io::hdf5, labels::Side, surface::TriMesh};
+use mammotwin_data::{Failure, Vec3, io::hdf5, labels::Side, surface::TriMesh};
 use mammotwin_solver::distance::SurfaceIndex;
 use mammotwin_stages::{pose::PoseFit, volunteer::Truth};
 use std::path::Path;
@@ -51,8 +51,8 @@ pub struct PoseError {
     pub before_mm: f64,
     /// The same with the fitted moduli.
     pub after_mm: f64,
-    /// Mean distance (mm) of the true skin from the measured one, where they are compared: what segmentation,
-    /// surfaces and registration alone leave.
+    /// Mean distance (mm) of the true skin on an unchanged chest wall from the measured one, where they are compared: what
+    /// segmentation, surfaces, registration and the change of the chest wall leave to a perfect model.
     pub floor_mm: f64,
 }
 
@@ -138,14 +138,10 @@ fn floor(
     let of = |pose: &str| truth.poses.get(pose).ok_or_else(|| refuse(&"there is none"));
     of(name)?;
     let to_reference = of(&outcome.reference)?.to_common.inverse();
-    let points: Vec<f64> = bodies.get(&format!("{name}/points"))?;
-    let corners: Vec<u32> = bodies.get("stress_free/patches/skin")?;
+    let points: Vec<Vec3> = bodies.get(&format!("{name}/points"))?;
     let skin = TriMesh {
-        points: points
-            .chunks_exact(3)
-            .map(|p| to_reference.point(&[p[0], p[1], p[2]].into()))
-            .collect(),
-        triangles: corners.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+        points: points.iter().map(|p| to_reference.point(p)).collect(),
+        triangles: bodies.get("stress_free/patches/skin")?,
     };
     let pose = outcome.poses.get(name).ok_or_else(|| refuse(&"the study has no such pose"))?;
     let mut measured = pose.surfaces.load()?.skin;

@@ -14,7 +14,7 @@ const MODULUS: f64 = 0.15;
 /// All fits and poses as comma-separated values.
 pub fn table(all: &[Fitted]) -> String {
     let mut text = String::from(
-        "# Modified Hausdorff distances; floor: true from measured skin; scores: ln(fitted / true) over its stated deviation\n\
+        "# Modified Hausdorff distances; floor: true skin on an unchanged chest wall from measured skin; scores: ln(fitted / true) over its stated deviation\n\
          seed,tissue_and_model,pose,fitted,before_mm,after_mm,floor_mm,right_over_truth,left_over_truth,right_score,left_score,evaluations\n",
     );
     for fit in all {
@@ -137,7 +137,7 @@ pub fn chart(all: &[Fitted], held_out: &str) -> String {
     };
     let mut drawn: Vec<Line> = Hypothesis::ALL.map(line).into();
     let floor = points(Hypothesis::Right, |pose| pose.floor_mm);
-    drawn.push(Line { name: "measured from true skin".into(), points: floor });
+    drawn.push(Line { name: "true from measured skin".into(), points: floor });
     lines(&Chart {
         title: format!("Held-out pose: {held_out}"),
         caption: "Modified Hausdorff distance of the simulated to the measured skin.".into(),
