@@ -149,6 +149,7 @@ fn force(term: &str, along: Vec3) -> Observable {
     Observable::Force { term: term.into(), along }
 }
 
+/// Verifies: derivatives: Gent block, skin, cable, gravity | Taylor test; adjoint | rate 1.9; 1e-10
 #[test]
 fn a_block_under_skin_and_cables_follows_all_its_numbers() {
     let mesh = brick([5, 5, 4], |i, j, l| 8.0 * Vec3::new(i as f64, j as f64, l as f64));
@@ -192,6 +193,7 @@ fn a_block_under_skin_and_cables_follows_all_its_numbers() {
     }
 }
 
+/// Verifies: derivatives: breast that slides | Taylor test; adjoint | rate 1.9; 1e-10
 #[test]
 fn a_breast_that_slides_on_the_chest_wall_follows_its_tissues() {
     let body = coarse();
@@ -258,6 +260,7 @@ fn squeezed(mesh: &TetMesh, p: &[f64], slip: Slip) -> (Model, Load) {
     (model, Load { gravity: 0.0, receptor_mm: -0.5 * p[3], thickness_mm: p[3], ..START })
 }
 
+/// Verifies: derivatives: forces of the plates | Taylor test; adjoint | rate 1.9; 1e-10
 #[test]
 fn the_force_of_the_plates_follows_tissue_and_thickness() {
     let body = coarse();
