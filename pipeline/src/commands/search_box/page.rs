@@ -86,9 +86,10 @@ pub fn chart(runs: &Runs) -> String {
 
 /// The page.
 pub fn markdown(runs: &Runs, arguments: &SearchBoxArguments) -> String {
-    let SearchBoxArguments { runs: wanted, seed, size_mm, .. } = arguments;
+    let SearchBoxArguments { runs: wanted, seed, size_mm, stepped_every, .. } = arguments;
     let mut page = format!(
-        "# The search box\n\nMade by `mammotwin study search-box --runs {wanted} --seed {seed} --size-mm {size_mm}`. \
+        "# The search box\n\nMade by `mammotwin study search-box --runs {wanted} --seed {seed} --size-mm {size_mm} \
+         --stepped-every {stepped_every}`. \
          Does every set of tissues that a calibration may meet end in equilibrium? A Latin hypercube over breast \
          0.2 - 4, skin 2 - 20, fascia 50 - 250 kPa, ν 0.45 - 0.499 and Jₘ 1 to none (Gent; neo-Hookean for none), in \
          all combinations of two shapes ({}), four poses and three chest walls: bonded, sliding without friction \
