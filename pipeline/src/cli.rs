@@ -5,8 +5,8 @@ mod studies;
 
 pub use models::{BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments};
 pub use studies::{
-    CalibrationArguments, PaddlesArguments, PositionsArguments, SensitivityArguments,
-    StiffeningArguments, StudyCommand,
+    CalibrationArguments, PaddlesArguments, PositionsArguments, SearchBoxArguments,
+    SensitivityArguments, StiffeningArguments, StudyCommand,
 };
 
 use clap::{Args, Parser, Subcommand, ValueEnum};

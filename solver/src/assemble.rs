@@ -307,6 +307,28 @@ impl Assembly {
         rhs
     }
 
+    /// Gathers nodal forces (mN) and dilatations (mm³) as a right-hand side; what belongs to no
+    /// unknown is left out.
+    pub fn gather(&self, forces: &[Vec3], dilatation: &[f64]) -> Vec<f64> {
+        let mut rhs = vec![0.0; self.pattern.len()];
+        for ((unknowns, force), swelling) in self.unknowns.iter().zip(forces).zip(dilatation) {
+            let values = [force.x, force.y, force.z, *swelling];
+            for (&unknown, value) in unknowns.iter().zip(values) {
+                if unknown != NONE {
+                    rhs[unknown as usize] = value;
+                }
+            }
+        }
+        rhs
+    }
+
+    /// Displacements and pressures of a solution of the Newton system, by node; zero where there is
+    /// no unknown.
+    pub fn spread(&self, x: &[f64]) -> (Vec<Vec3>, Vec<f64>) {
+        let value = |u: &[u32; 4]| if u[3] == NONE { 0.0 } else { x[u[3] as usize] };
+        (self.displacement(x), self.unknowns.iter().map(value).collect())
+    }
+
     /// Spreads a solution of the Newton system over the nodes; fixed ones stay at zero.
     pub fn displacement(&self, x: &[f64]) -> Vec<Vec3> {
         let value = |unknown: u32| if unknown == NONE { 0.0 } else { x[unknown as usize] };

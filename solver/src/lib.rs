@@ -17,6 +17,7 @@ pub mod model;
 pub mod newton;
 pub mod ordering;
 pub mod paddles;
+pub mod sensitivity;
 pub mod solve;
 pub mod terms;
 pub mod unload;

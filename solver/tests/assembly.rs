@@ -55,6 +55,7 @@ fn everything() -> Model {
     model
 }
 
+/// Verifies: assembled gradient and matrix | differences of the energy | 1e-7; matrix 1e-5
 #[test]
 fn gradient_and_matrix_are_derivatives_of_the_energy() {
     let model = everything();

@@ -98,6 +98,7 @@ fn check(done: &Compressed, goal_mm: f64) {
     }
 }
 
+/// Verifies: compression to 50 mm: forces of both plates | independent prototype: 1.33, 1.36 N | 2 %, gaps 0.05 mm
 #[test]
 fn a_neo_hookean_breast_reaches_50_mm() {
     let law = Law::neo_hookean_coupled(0.5, 0.49).unwrap();
@@ -108,6 +109,7 @@ fn a_neo_hookean_breast_reaches_50_mm() {
     assert!(done.solution.checks.iterations < 500, "{:?}", done.solution.checks);
 }
 
+/// Verifies: compression to 50 mm, three edges: pressures sum up | force of the plates | 1 %, balance 1e-6
 #[test]
 fn a_gent_breast_reaches_50_mm_with_any_edge() {
     let law = Law::new(LawName::Gent, 0.5, 0.49, Some(2.0)).unwrap();
@@ -116,6 +118,7 @@ fn a_gent_breast_reaches_50_mm_with_any_edge() {
     }
 }
 
+/// Verifies: compression to 45 mm, Jₘ 1, ν = 0.499 | equilibrium | balance 1e-6, gaps 0.05 mm
 #[test]
 fn a_gent_breast_near_its_limit_reaches_45_mm() {
     let law = Law::new(LawName::Gent, 0.5, 0.499, Some(1.0)).unwrap();
@@ -180,6 +183,7 @@ fn skin_that_rubs_on_the_plates_spreads_less() {
     assert!(spread_mm[0] > spread_mm[1] && spread_mm[1] > spread_mm[2]);
 }
 
+/// Verifies: hinged paddle: torque | contact pressures of the skin | 2 %; hard hinge 1e-3
 #[test]
 fn a_paddle_on_a_hinge_tilts_until_torques_balance() {
     let body = coarse();

@@ -42,6 +42,8 @@ fn check(body: &Body, law: Law, quadratic_mm: f64, tolerance: f64) {
     assert!(checks.steps == 1 && checks.iterations <= 40, "{checks:?}");
 }
 
+/// Verifies: breast under gravity, 5 k linear tetrahedra | FEBio 4, quadratic: 34.90 mm | 3.5 %
+/// Verifies: breast under gravity, 20 k linear tetrahedra | FEBio 4, quadratic: 35.03 mm | 2 %
 #[test]
 fn the_nipple_sinks_as_with_quadratic_tetrahedra() {
     let (coarse, fine) = (coarse(), fine());
@@ -50,6 +52,7 @@ fn the_nipple_sinks_as_with_quadratic_tetrahedra() {
     check(&fine, coupled, 35.03, 0.02);
 }
 
+/// Verifies: breast under gravity, ν = 0.499, two laws | FEBio 4, quadratic: 34.20 mm | 5 %
 #[test]
 fn nearly_incompressible_tissue_does_not_lock() {
     let coupled = Law::neo_hookean_coupled(0.5, 0.499).unwrap();

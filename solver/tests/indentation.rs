@@ -98,6 +98,7 @@ fn errors(press: impl Fn(&TetMesh) -> Solution, want: f64) -> ([f64; 2], TetMesh
     (errors, fine, found)
 }
 
+/// Verifies: flat punch on a half-space | Johnson 1985, § 3.4 | 8 %, first order
 #[test]
 fn a_flat_punch_meets_boussinesq() {
     let (depth, radius) = (1e-3, 1.0);
@@ -110,6 +111,8 @@ fn a_flat_punch_meets_boussinesq() {
     assert!(fine.abs() < 0.08 && fine.abs() < 0.5 * coarse.abs());
 }
 
+/// Verifies: rigid sphere: force | Hertz (Johnson 1985, § 4.2) | 4 %, extrapolated 1.5 %
+/// Verifies: rigid sphere: surface beside the contact | Hertz (Johnson 1985, § 4.2) | 5 %
 #[test]
 fn a_sphere_meets_hertz() {
     let (radius, contact): (f64, f64) = (100.0, 0.9);

@@ -79,6 +79,7 @@ fn sheet(young_kpa: f64) -> Sheet {
     }
 }
 
+/// Verifies: elastic paddle: push and bending | equilibrium; hard plate is rigid | 0.003 mm + 1 %; 1e-4
 #[test]
 fn an_elastic_paddle_bends_until_it_is_in_balance() {
     let body = coarse();
@@ -100,6 +101,7 @@ fn an_elastic_paddle_bends_until_it_is_in_balance() {
     assert!(force(&rigid) > force(&soft) && force(&soft) > force(&softer));
 }
 
+/// Verifies: elastic paddle with friction | equilibrium | 0.003 mm + 1 %
 #[test]
 fn an_elastic_paddle_that_rubs_is_in_balance() {
     let body = coarse();
@@ -149,6 +151,7 @@ fn a_curved_paddle_presses_less_at_its_edge() {
     assert!(curved < flat);
 }
 
+/// Verifies: stop by thickness, force, mean and peak pressure | the limit | 1 %
 #[test]
 fn the_first_limit_ends_a_compression_and_is_named() {
     let body = coarse();
@@ -195,6 +198,7 @@ fn the_first_limit_ends_a_compression_and_is_named() {
     assert!(shares.iter().all(|share| *share <= 1.011), "{shares:?}");
 }
 
+/// Verifies: mean pressure times projected area | force of the paddle | 1e-9
 #[test]
 fn mean_pressure_times_area_is_the_force_and_fronts_do_not_count() {
     let body = coarse();

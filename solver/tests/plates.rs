@@ -113,6 +113,7 @@ fn balances(done: &Compressed) -> &Step {
     step
 }
 
+/// Verifies: spot paddle: area in contact; paddle and receptor | its own area; balance | 10 %; 1 %
 #[test]
 fn a_spot_paddle_presses_on_its_own_area_and_tissue_bulges_beside_it() {
     let mesh = block([20, 18, 3], [130.0, 120.0], 0.0, |_, _| 0.0);
@@ -140,6 +141,7 @@ fn a_spot_paddle_presses_on_its_own_area_and_tissue_bulges_beside_it() {
     }
 }
 
+/// Verifies: finite plate larger than the block | endless plate | 1e-9
 #[test]
 fn a_finite_plate_larger_than_the_block_is_an_endless_one() {
     let mesh = block([16, 12, 3], [160.0, 120.0], 15.0, |_, _| 0.0);
@@ -180,6 +182,8 @@ fn tissue_bulges_into_the_window_of_a_biopsy_paddle() {
     assert!(round > 10, "the rounded edge of the window is touched: {round}");
 }
 
+/// Verifies: foam on a stiff block | E/t δ A | 1 %
+/// Verifies: foam in series with a soft block | closed form | force 1 %, thickness 0.1 %
 #[test]
 fn a_cushion_is_a_spring_before_the_block() {
     let mesh = block([8, 6, 2], [80.0, 60.0], 30.0, |_, _| 0.0);
@@ -308,6 +312,7 @@ fn through_a_file(surface: &TriMesh) -> TriMesh {
     found
 }
 
+/// Verifies: plates through an STL file | the plates themselves | 1 %
 #[test]
 fn surfaces_from_cad_press_as_what_they_are_made_of() {
     let mesh = block([16, 12, 3], [120.0, 90.0], 5.0, |_, _| 0.0);

@@ -100,17 +100,20 @@ fn bonded(young_kpa: f64, gravity: Vec3) -> Case {
     Case { young_kpa, gravity, slides: false, friction: 0.0, skin: false }
 }
 
+/// Verifies: stress-free shape, bonded, hanging | known truth | 0.05 mm
 #[test]
 fn bonded_under_gravity_away_from_the_chest() {
     check(bonded(0.5, PRONE));
 }
 
+/// Verifies: stress-free shape, bonded, lying | known truth | 0.05 mm
 #[test]
 fn bonded_under_gravity_towards_the_chest() {
     check(bonded(0.5, SUPINE));
     check(bonded(0.3, SUPINE));
 }
 
+/// Verifies: stress-free shape with skin and fascia | known truth | 0.05 mm
 #[test]
 fn with_skin_and_fascia() {
     for gravity in [PRONE, SUPINE] {
@@ -118,6 +121,7 @@ fn with_skin_and_fascia() {
     }
 }
 
+/// Verifies: stress-free shape, sliding | known truth | 0.05 mm
 #[test]
 fn sliding_on_the_chest_wall() {
     check(Case { slides: true, ..bonded(0.5, SUPINE) });

@@ -25,6 +25,7 @@ pub mod quality;
 pub mod register;
 pub mod report;
 pub mod results;
+pub mod search_box;
 pub mod segment;
 pub mod sensitivity;
 pub mod shape;

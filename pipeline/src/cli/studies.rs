@@ -33,6 +33,9 @@ pub enum StudyCommand {
     /// One breast with the paddle at several distances from the chest wall
     #[command(after_help = POSITIONS_EXAMPLES)]
     Positions(PositionsArguments),
+    /// Whether the solver finds an equilibrium wherever a calibration may go: a designed sample, checked
+    #[command(after_help = SEARCH_BOX_HELP)]
+    SearchBox(SearchBoxArguments),
     /// What each tissue does under gravity, and the error of the model over all moduli
     #[command(after_help = SENSITIVITY_HELP)]
     Sensitivity(SensitivityArguments),
@@ -111,6 +114,38 @@ pub struct StiffeningArguments {
     /// Error of all forces of the model alike (%): mesh, moduli, friction
     #[arg(long, value_name = "PERCENT", default_value_t = 20.0)]
     pub model_error_percent: f64,
+}
+
+const SEARCH_BOX_HELP: &str = "\
+Draws sets of tissues (breast 0.2 - 4, skin 2 - 20, fascia 50 - 250 kPa, Poisson's ratio 0.45 - 0.499,
+Jm from 1 to none), puts two volunteers under gravity in four poses, bonded and sliding, and checks each
+equilibrium. Each run is kept when it is done: a study that was cut short goes on where it ended.
+
+Examples:
+  mammotwin study search-box --out runs/search-box
+  mammotwin study search-box --runs 24 --size-mm 15 --minutes 10";
+
+/// The study of the search box.
+#[derive(Debug, Clone, Args)]
+pub struct SearchBoxArguments {
+    /// Folder with the runs and the results
+    #[arg(long, value_name = "DIR", default_value = "runs/search-box")]
+    pub out: PathBuf,
+    /// Number of runs; a multiple of 24 has all combinations equally often
+    #[arg(long, value_name = "N", default_value_t = 216)]
+    pub runs: usize,
+    /// Seed of the design
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// Edges of the meshes (mm)
+    #[arg(long, value_name = "MM", default_value_t = 10.0)]
+    pub size_mm: f64,
+    /// Of so many runs of a combination, one is also loaded in three parts; 0 for none
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    pub stepped_every: usize,
+    /// Begin no run after so many minutes
+    #[arg(long, value_name = "N")]
+    pub minutes: Option<u64>,
 }
 
 const SENSITIVITY_HELP: &str = "\

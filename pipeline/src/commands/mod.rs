@@ -16,6 +16,7 @@ pub mod manual;
 pub mod projection;
 pub mod run;
 pub mod score;
+pub mod search_box;
 pub mod sensitivity;
 pub mod status;
 pub mod stiffening;
@@ -67,6 +68,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Study(StudyCommand::Calibration(arguments)) => accuracy::calibration(arguments),
         Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),
         Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),
+        Command::Study(StudyCommand::SearchBox(arguments)) => search_box::search_box(arguments),
         Command::Study(StudyCommand::Sensitivity(arguments)) => sensitivity::sensitivity(arguments),
         Command::Study(StudyCommand::Stiffening(arguments)) => stiffening::stiffening(arguments),
         Command::Bids(arguments) => bids::bids(arguments),

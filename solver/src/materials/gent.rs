@@ -55,6 +55,7 @@ mod tests {
     /// First volunteer's fat: 0.3 kPa at ν = 0.499, Jₘ = 1 (Mira 2018, § 5.1.4).
     const FAT: Gent = Gent { shear_kpa: 0.1, bulk_kpa: 50.0, limit: 1.0 };
 
+    /// Verifies: Gent law: stress, tangent, symmetry, objectivity, moduli | sixth-order differences | 1e-9
     #[test]
     fn obeys_the_laws_of_every_material() {
         testing::check(&FAT, FAT.shear_kpa, FAT.bulk_kpa);
@@ -67,11 +68,15 @@ mod tests {
         assert!((strain - 2.0).abs() < 1e-12 && limit == 1.0);
     }
 
+    /// Verifies: Gent law: bar in tension and compression | closed form | 1e-11
+    /// Verifies: Gent law: sheet stretched both ways | closed form | 1e-11
+    /// Verifies: Gent law: simple shear | closed form | 1e-11
     #[test]
     fn has_the_stress_of_the_closed_forms() {
         testing::check_first_invariant(&FAT, |strain| FAT.shear_kpa / (1.0 - strain / FAT.limit));
     }
 
+    /// Verifies: Gent law without a limit | neo-Hookean law | 1e-8
     #[test]
     fn is_neo_hookean_without_a_limit() {
         // Of the same volume: their volumetric parts differ.

@@ -65,11 +65,15 @@ mod tests {
     const TISSUE: MooneyRivlin =
         MooneyRivlin { shear_kpa: 0.1678, bulk_kpa: 8.33, second_share: 0.3 };
 
+    /// Verifies: Mooney-Rivlin law: stress, tangent, symmetry, objectivity, moduli | sixth-order differences | 1e-9
     #[test]
     fn obeys_the_laws_of_every_material() {
         testing::check(&TISSUE, TISSUE.shear_kpa, TISSUE.bulk_kpa);
     }
 
+    /// Verifies: Mooney-Rivlin law: bar in tension and compression | closed form | 1e-11
+    /// Verifies: Mooney-Rivlin law: sheet stretched both ways | closed form | 1e-11
+    /// Verifies: Mooney-Rivlin law: simple shear | closed form | 1e-11
     #[test]
     fn has_the_stress_of_the_closed_forms() {
         let (first, second) = (0.7 * 0.1678, 0.3 * 0.1678);
@@ -83,6 +87,7 @@ mod tests {
         );
     }
 
+    /// Verifies: Mooney-Rivlin law without its second part | neo-Hookean law | 1e-12
     #[test]
     fn is_neo_hookean_without_its_second_part() {
         let law = MooneyRivlin { second_share: 0.0, ..TISSUE };

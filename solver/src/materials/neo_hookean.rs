@@ -37,11 +37,15 @@ mod tests {
     use super::*;
     use crate::materials::testing;
 
+    /// Verifies: isochoric neo-Hookean law: stress, tangent, symmetry, objectivity, moduli | sixth-order differences | 1e-9
     #[test]
     fn obeys_the_laws_of_every_material() {
         testing::check(&NeoHookean { shear_kpa: 0.1678, bulk_kpa: 8.33 }, 0.1678, 8.33);
     }
 
+    /// Verifies: isochoric neo-Hookean law: bar in tension and compression | closed form | 1e-11
+    /// Verifies: isochoric neo-Hookean law: sheet stretched both ways | closed form | 1e-11
+    /// Verifies: isochoric neo-Hookean law: simple shear | closed form | 1e-11
     #[test]
     fn has_the_stress_of_the_closed_forms() {
         let law = NeoHookean { shear_kpa: 0.1678, bulk_kpa: 8.33 };

@@ -68,6 +68,7 @@ mod tests {
         Ogden { shear_kpa: 0.1678, bulk_kpa: 8.33, terms }
     }
 
+    /// Verifies: Ogden law: stress, tangent, symmetry, objectivity, moduli | sixth-order differences | 1e-9
     #[test]
     fn obeys_the_laws_of_every_material() {
         for terms in [&[[1.0, 6.0]][..], &[[0.6, 1.3], [0.3, 5.0], [0.1, -2.0]]] {
@@ -75,6 +76,9 @@ mod tests {
         }
     }
 
+    /// Verifies: Ogden law: bar in tension and compression | closed form | 1e-11
+    /// Verifies: Ogden law: sheet stretched both ways | closed form | 1e-11
+    /// Verifies: Ogden law: simple shear | closed form | 1e-11
     #[test]
     fn has_the_stress_of_the_closed_forms() {
         let terms = [[0.6, 1.3], [0.3, 5.0], [0.1, -2.0f64]];
@@ -94,6 +98,7 @@ mod tests {
         );
     }
 
+    /// Verifies: Ogden law with the exponents 2 and -2 | neo-Hookean and Mooney-Rivlin laws | 1e-12
     #[test]
     fn holds_neo_hooke_and_mooney_and_rivlin() {
         let limit = NeoHookean { shear_kpa: 0.1678, bulk_kpa: 8.33 };

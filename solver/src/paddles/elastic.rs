@@ -315,6 +315,9 @@ mod tests {
         plate.bend(at, &plate.pose_under(&forces)).value
     }
 
+    /// Verifies: square plate on four sides, even load | Timoshenko & Woinowsky-Krieger 1959, table 8 | 0.5 %
+    /// Verifies: square plate on four sides, point load | the same, table 23 | 5 %
+    /// Verifies: square plate with a free side | the same, table 48 | 1 %
     #[test]
     fn simply_supported_plates_bend_as_tables_say() {
         // Timoshenko and Woinowsky-Krieger 1959, tables 8, 23 and 48: square plates, ν = 0.3.
@@ -335,6 +338,7 @@ mod tests {
         assert!((got / 0.01286 - 1.0).abs() < 0.01, "a free side: {got}");
     }
 
+    /// Verifies: clamped plate, ν = 0 | P L³ / 3 E I | 1e-6
     #[test]
     fn a_clamped_plate_without_lateral_contraction_is_a_cantilever() {
         let sheet = Sheet { poisson: 0.0, ..lexan(Support::Rear) };
@@ -354,6 +358,7 @@ mod tests {
         }
     }
 
+    /// Verifies: lip of a plate alone | P L³ / 48 E I | 2 %
     #[test]
     fn a_lip_without_a_plate_is_a_beam() {
         let sheet = Sheet { lip_mm: 4000.0, ..lexan(Support::Frame) };

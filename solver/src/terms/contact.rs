@@ -107,6 +107,23 @@ pub struct NodeForce {
     pub friction: Vec3,
 }
 
+/// A node that a contact may touch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Touching {
+    /// The node.
+    pub node: u32,
+    /// Its distance (mm), negative inside.
+    pub distance_mm: f64,
+    /// Gradient of the distance.
+    pub normal: Vec3,
+    /// Area (mm²) of the node.
+    pub area_mm2: f64,
+    /// Penalty (kPa/mm) of its distance.
+    pub penalty_kpa_per_mm: f64,
+    /// Whether the contact holds it on the surface.
+    pub closed: bool,
+}
+
 /// Nodes of a body that touch a surface. The memory has the multiplier of each node, or under a foam
 /// the area that it covers over its own, and with friction a [`Hold`] of each.
 #[derive(Debug, Clone)]
@@ -163,6 +180,28 @@ impl Contact {
     /// Whether there is friction.
     pub fn has_friction(&self) -> bool {
         self.slip != Slip::Free
+    }
+
+    /// Whether forces lag behind the state.
+    pub fn lags(&self) -> bool {
+        self.has_friction() || self.foam.is_some()
+    }
+
+    /// All nodes, and which of them are held on the surface.
+    pub fn touching(&self, at: &At, touch: impl Fn(usize) -> Touch) -> Vec<Touching> {
+        let one = |element: usize| {
+            let touch = touch(element);
+            let pressed = self.traction(element, at.memory, at.shear_kpa, &touch) < 0.0;
+            Touching {
+                node: self.nodes[element],
+                distance_mm: touch.distance,
+                normal: touch.normal,
+                area_mm2: self.areas[element],
+                penalty_kpa_per_mm: self.penalty(element, at.shear_kpa),
+                closed: pressed || self.opening == Opening::Never,
+            }
+        };
+        (0..self.nodes.len()).map(one).collect()
     }
 
     /// Penalty (kPa/mm) of a node.

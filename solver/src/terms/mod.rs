@@ -25,7 +25,7 @@ mod tests;
 
 pub use bulk::Bulk;
 pub use cable::{Cable, Cables};
-pub use contact::{NodeForce, Opening};
+pub use contact::{NodeForce, Opening, Touching};
 pub use friction::Slip;
 pub use gravity::Gravity;
 pub use grid_distance::GridDistance;
@@ -308,6 +308,16 @@ pub trait Term: Send + Sync {
 
     /// Raises the shear modulus (kPa) of each node to that of the term's tissue there.
     fn raise_shear(&self, _shear_kpa: &mut [f64]) {}
+
+    /// Whether forces depend on what the term remembers of earlier minima, as friction does.
+    fn lags(&self) -> bool {
+        false
+    }
+
+    /// The nodes that a contact may touch; none for terms that are no contact.
+    fn touching(&self, _at: &At) -> Vec<Touching> {
+        Vec::new()
+    }
 
     /// Stores what the next load step must know of this one.
     fn accept(&self, _points: &[Vec3], _load: Load, _memory: &mut [f64]) {}

@@ -1,7 +1,7 @@
 //! One-sided contact of the skin with a rigid plate, with or without friction.
 
 use super::contact::{Contact, Touch};
-use super::{At, Block, ContactCheck, Load, NodeForce, Opening, Order, Slip, Term};
+use super::{At, Block, ContactCheck, Load, NodeForce, Opening, Order, Slip, Term, Touching};
 use crate::materials::MaterialError;
 use crate::model::ModelError;
 use crate::paddles::{AT_REST, Cushion, Lift, Pose, RoundedPlate, hinge::Tilted};
@@ -239,6 +239,14 @@ impl Term for Plate {
 
     fn accept(&self, points: &[Vec3], load: Load, memory: &mut [f64]) {
         self.contact.accept(memory, |element| self.touch(element, points, &load));
+    }
+
+    fn lags(&self) -> bool {
+        self.contact.lags()
+    }
+
+    fn touching(&self, at: &At) -> Vec<Touching> {
+        self.contact.touching(at, |element| self.touch(element, at.points, &at.load))
     }
 
     fn may_open(&self) -> bool {

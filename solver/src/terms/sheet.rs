@@ -118,6 +118,7 @@ impl Sheet {
 mod tests {
     use super::*;
 
+    /// Verifies: wrinkled sheet | pure tension | 1e-12
     #[test]
     fn a_sheet_pulled_one_way_carries_the_stress_of_pure_tension_however_narrow_it_is() {
         for (long, narrow) in [(1.3f64, 0.5f64), (1.3, 0.85), (2.0, 0.3)] {
@@ -131,6 +132,7 @@ mod tests {
         }
     }
 
+    /// Verifies: slack and taut sheet | closed form | exact; 1e-12
     #[test]
     fn a_sheet_that_shrinks_both_ways_is_slack_and_one_that_grows_is_taut() {
         let slack = Sheet::of(0.9 + 0.8, 0.9 * 0.8);

@@ -5,7 +5,9 @@
 //! [`Sliding::slip`].
 
 use super::contact::{Contact, Touch};
-use super::{At, Block, ContactCheck, Load, NodeForce, Opening, Order, Slip, Term, target::Target};
+use super::{
+    At, Block, ContactCheck, Load, NodeForce, Opening, Order, Slip, Term, Touching, target::Target,
+};
 use crate::materials::MaterialError;
 use crate::model::ModelError;
 use mammotwin_data::Vec3;
@@ -113,6 +115,14 @@ impl Term for Sliding {
 
     fn surface(&self) -> Option<&dyn Target> {
         (self.contact.opening == Opening::Never).then_some(self.target.as_ref())
+    }
+
+    fn lags(&self) -> bool {
+        self.contact.lags()
+    }
+
+    fn touching(&self, at: &At) -> Vec<Touching> {
+        self.contact.touching(at, |element| self.touch(element, at.points))
     }
 
     fn may_open(&self) -> bool {

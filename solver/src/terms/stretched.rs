@@ -108,6 +108,7 @@ mod tests {
         }
     }
 
+    /// Verifies: wrinkled sheet of a law of stretches | pure tension | 1e-12
     #[test]
     fn a_sheet_carries_no_compression_and_wrinkles_to_pure_tension() {
         let slack = sheet_energy(&SKIN, &Vec3::new(0.9, 0.8, 0.0));

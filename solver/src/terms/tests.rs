@@ -65,6 +65,7 @@ fn check(term: &dyn Term, points: &[Vec3]) {
     );
 }
 
+/// Verifies: linear tetrahedra, five laws: derivatives of the energy | fourth-order differences | 1e-7, second 1e-6
 #[test]
 fn bulk() {
     let mesh = pair();
@@ -73,6 +74,7 @@ fn bulk() {
     }
 }
 
+/// Verifies: three-node sheets: derivatives of the energy | fourth-order differences | 1e-7, second 1e-6
 #[test]
 fn membrane() {
     let mesh = pair();
@@ -92,6 +94,7 @@ fn quadratic() -> QuadraticMesh {
     mesh
 }
 
+/// Verifies: ten-node tetrahedra and six-node sheets: derivatives of the energy | fourth-order differences | 1e-7, second 1e-6
 #[test]
 fn quadratic_bulk_and_membrane() {
     let mesh = quadratic();
@@ -109,6 +112,7 @@ fn quadratic_bulk_and_membrane() {
     }
 }
 
+/// Verifies: weight of ten-node tetrahedra on 1, z, z² | integrals | 1e-11
 #[test]
 fn quadratic_weights_do_the_work_of_a_body_force() {
     // The work of a linear and of a quadratic motion; exact on straight edges.
@@ -138,6 +142,7 @@ fn gravity() {
     check(&Gravity::new("gravity", &mesh, 0.98, Vec3::new(0.3, -0.5, 0.9)), &moved(&mesh));
 }
 
+/// Verifies: cables: derivatives of the energy | fourth-order differences | 1e-7, second 1e-6
 #[test]
 fn cables() {
     let mesh = pair();
@@ -157,6 +162,7 @@ fn cables() {
     assert!(tensions[0] == 0.0 && tensions[1] > 0.0 && tensions[2] > 1.0, "{tensions:?}");
 }
 
+/// Verifies: sliding contact with friction: derivatives of the energy | fourth-order differences | 1e-7, second 1e-6
 #[test]
 fn sliding() {
     let mesh = pair();
@@ -210,6 +216,7 @@ const SLANTED: RoundedPlate = RoundedPlate {
     outline: Outline::ENDLESS,
 };
 
+/// Verifies: plates with friction: derivatives of the energy | fourth-order differences | 1e-7, second 1e-6
 #[test]
 fn plate() {
     let mesh = pair();
@@ -250,6 +257,7 @@ fn energy(term: &dyn Term, at: &At) -> f64 {
     (0..term.elements()).map(one).sum()
 }
 
+/// Verifies: tilting plate: derivatives, torque | differences of the energy | 1e-7, 1e-5
 #[test]
 fn a_plate_that_tilts() {
     let mesh = pair();
@@ -274,6 +282,7 @@ fn a_plate_that_tilts() {
     }
 }
 
+/// Verifies: bent plate: derivatives, push | differences of the energy | 1e-7, 1e-5
 #[test]
 fn a_plate_that_is_lifted() {
     let mesh = pair();
@@ -327,6 +336,7 @@ fn wavy() -> HeightField {
     HeightField::through([-20.0, 0.0], spacing, count, heights)
 }
 
+/// Verifies: finite plates: derivatives of the energy | fourth-order differences | 1e-7, second 1e-6
 #[test]
 fn a_plate_that_is_finite() {
     let mesh = pair();
