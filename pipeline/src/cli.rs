@@ -5,7 +5,8 @@ mod studies;
 
 pub use models::{BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments};
 pub use studies::{
-    PaddlesArguments, PositionsArguments, SensitivityArguments, StiffeningArguments, StudyCommand,
+    PaddlesArguments, PositionsArguments, SegmentationArguments, SensitivityArguments,
+    StiffeningArguments, StudyCommand,
 };
 
 use clap::{Args, Parser, Subcommand, ValueEnum};

@@ -22,5 +22,6 @@ pub mod graph;
 mod page;
 pub mod plausible;
 pub mod score;
+pub mod segmentation;
 pub mod sensitivity;
 pub mod stiffening;

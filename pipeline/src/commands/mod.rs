@@ -15,6 +15,7 @@ pub mod manual;
 pub mod projection;
 pub mod run;
 pub mod score;
+pub mod segmentation;
 pub mod sensitivity;
 pub mod status;
 pub mod stiffening;
@@ -64,6 +65,9 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Study(StudyCommand::Discovery(arguments)) => benchmark::benchmark(arguments),
         Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),
         Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),
+        Command::Study(StudyCommand::Segmentation(arguments)) => {
+            segmentation::segmentation(arguments)
+        }
         Command::Study(StudyCommand::Sensitivity(arguments)) => sensitivity::sensitivity(arguments),
         Command::Study(StudyCommand::Stiffening(arguments)) => stiffening::stiffening(arguments),
         Command::Bids(arguments) => bids::bids(arguments),

@@ -1,7 +1,9 @@
 //! What is true of a digital volunteer: `truth/truth.json`, which no stage reads.
 
 use super::{Motion, PoseName, Torso, torso::Limits};
-use mammotwin_data::{Failure, Vec3, landmarks::Landmarks, rigid::RigidTransform};
+use mammotwin_data::{
+    Failure, Vec3, labels::LabelMap, landmarks::Landmarks, rigid::RigidTransform,
+};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -58,6 +60,27 @@ impl Truth {
             moduli: moduli.map(|(key, value)| (key.into(), value)).into(),
             poses: BTreeMap::new(),
         }
+    }
+
+    /// Whether a place (mm) of the image of a pose lies between the breast limits, `margin_mm` away
+    /// from them. They are marks of bones (sternal and midaxillary line, clavicle, costal margin) and
+    /// move with the chest, not with the tissue. A pose that is not known is taken for supine.
+    pub fn inside_limits(&self, pose: &str, margin_mm: f64) -> impl Fn(&Vec3) -> bool + use<> {
+        let motion = self.poses.get(pose).map_or(RigidTransform::identity(), |p| p.to_common);
+        let inner = Limits {
+            least_y_mm: self.limits.least_y_mm + margin_mm,
+            least_z_mm: self.limits.least_z_mm + margin_mm,
+            greatest_z_mm: self.limits.greatest_z_mm - margin_mm,
+        };
+        move |p| inner.contain(&motion.point(p))
+    }
+
+    /// The voxels of the breasts in a pose: soft tissue of the labels between the breast limits.
+    pub fn breast(&self, pose: &str, labels: &LabelMap) -> Vec<bool> {
+        let within = self.inside_limits(pose, 0.0);
+        let place = |n: usize| labels.grid.center(labels.grid.voxel(n));
+        let soft = labels.values.iter().enumerate();
+        soft.map(|(n, tissue)| tissue.is_soft() && within(&place(n))).collect()
     }
 
     /// Writes the truth as JSON.
