@@ -184,3 +184,32 @@ fn p95(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() * 95 / 100).copied().unwrap_or(f64::NAN)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mammotwin_data::volume::Grid;
+
+    fn ball(radius: f64) -> TriMesh {
+        let grid = Grid::aligned([40; 3], [1.0; 3], Vec3::repeat(-19.5));
+        let values = (0..grid.len()).map(|n| grid.center(grid.voxel(n)).norm() < radius).collect();
+        surface(&level_field(&Volume { grid, values }, &FieldPlan::of_spacing(1.0)).unwrap())
+    }
+
+    #[test]
+    fn a_ball_lies_outside_of_a_smaller_one_by_the_difference_of_radii() {
+        let (large, small) = (ball(14.0), ball(12.0));
+        let upper = |p: &Vec3| p.z > 0.0;
+        let gap = Gap::of(&[
+            distances(&large, &small, &upper).unwrap(),
+            distances(&small, &large, &upper).unwrap(),
+        ]);
+        assert!((gap.mean_mm - 2.0).abs() < 0.1 && (gap.p95_mm - 2.0).abs() < 0.3, "{gap:?}");
+    }
+
+    #[test]
+    fn five_of_a_hundred_are_farther() {
+        assert_eq!(p95((0..100).map(|n| -f64::from(n)).collect()), 95.0);
+        assert!(p95(Vec::new()).is_nan());
+    }
+}

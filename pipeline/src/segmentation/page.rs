@@ -4,10 +4,13 @@ use super::{LIMITS, Measured};
 use crate::page::begin;
 use std::fmt::Write;
 
+/// Reads one value of an image.
+type Of = fn(&Measured) -> f64;
+
 /// A figure that is asked for: its name, value, unit, bound, and whether it must not be less.
 struct Figure {
     name: &'static str,
-    of: fn(&Measured) -> f64,
+    of: Of,
     bound: f64,
     at_least: bool,
 }
@@ -22,7 +25,7 @@ const FIGURES: [Figure; 5] = [
 ];
 
 /// What else the tables show.
-const OTHERS: [(&str, fn(&Measured) -> f64); 7] = [
+const OTHERS: [(&str, Of); 7] = [
     ("Dice, breast between true limits", |m| m.breast_within),
     ("Dice, breast, limits moving with the tissue", |m| m.breast_material),
     ("Dice, chest wall", |m| m.chest_wall),
@@ -90,7 +93,7 @@ fn rows(all: &[Measured]) -> Vec<[String; 8]> {
         let (preset, pose) = group;
         let members: Vec<&Measured> = of_group(all, group).collect();
         let voxel = members.iter().map(|m| m.voxel_mm).sum::<f64>() / members.len() as f64;
-        let head = |name: &str, of: fn(&Measured) -> f64, digits: usize| {
+        let head = |name: &str, of: Of, digits: usize| {
             let values: Vec<f64> = members.iter().map(|m| of(m)).collect();
             let mean = values.iter().sum::<f64>() / values.len() as f64;
             let start = [preset.into(), format!("{voxel:.2}"), pose.into(), name.into()];

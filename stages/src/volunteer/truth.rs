@@ -116,3 +116,32 @@ impl PoseTruth {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volunteer::Preset;
+    use mammotwin_data::{
+        labels::Tissue,
+        volume::{Grid, Volume},
+    };
+
+    #[test]
+    fn breast_limits_move_with_the_chest_and_not_with_the_tissue() {
+        let torso = Torso::new(Preset::named("tiny").unwrap(), 1);
+        let mut truth = Truth::of(&torso, "tiny", 1);
+        let motion = Motion::drawn(&torso, PoseName::Prone, 1);
+        let prone = PoseTruth::of(PoseName::Prone, &motion, Landmarks::default());
+        truth.poses.insert("prone".into(), prone);
+        let upper = truth.limits.greatest_z_mm;
+        let to_image = |z: f64| motion.to_common.inverse().point(&Vec3::new(60.0, 90.0, z));
+        let inside = truth.inside_limits("prone", 2.0);
+        assert!(inside(&to_image(upper - 2.1)) && !inside(&to_image(upper - 1.9)));
+        // Three voxels at the limit: two in it, of which one is muscle.
+        let (low, step) = (to_image(upper - 5.0), to_image(upper) - to_image(upper - 4.0));
+        let mut grid = Grid::aligned([1, 1, 3], [1.0, 1.0, 4.0], low);
+        grid.axes.set_column(2, &step);
+        let values = vec![Tissue::PectoralMuscle, Tissue::Other, Tissue::AdiposeRight];
+        assert_eq!(truth.breast("prone", &Volume { grid, values }), [false, true, false]);
+    }
+}
