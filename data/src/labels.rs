@@ -70,6 +70,16 @@ impl Tissue {
         )
     }
 
+    /// Whether it is fibroglandular.
+    pub fn is_gland(self) -> bool {
+        matches!(self, Self::FibroglandularRight | Self::FibroglandularLeft)
+    }
+
+    /// Whether it is soft tissue in front of the chest wall, in a breast or not.
+    pub fn is_soft(self) -> bool {
+        self.is_breast() || self == Self::Other
+    }
+
     /// Whether it is behind the breast: muscle or thorax.
     pub fn is_chest_wall(self) -> bool {
         matches!(self, Self::PectoralMuscle | Self::Thorax)

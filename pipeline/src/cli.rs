@@ -6,7 +6,7 @@ mod studies;
 pub use models::{BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments};
 pub use studies::{
     CalibrationArguments, PaddlesArguments, PositionsArguments, SearchBoxArguments,
-    SensitivityArguments, StiffeningArguments, StudyCommand,
+    SegmentationArguments, SensitivityArguments, StiffeningArguments, StudyCommand,
 };
 
 use clap::{Args, Parser, Subcommand, ValueEnum};

@@ -23,5 +23,6 @@ pub mod graph;
 mod page;
 pub mod plausible;
 pub mod score;
+pub mod segmentation;
 pub mod sensitivity;
 pub mod stiffening;

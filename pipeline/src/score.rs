@@ -40,9 +40,12 @@ pub fn score(estimates: &Estimates, folder: &Path) -> Result<Value, Failure> {
             let text = format!("{}: not the truth of poses.{name}.image", path.display());
             return Err(Failure::BadInput(text));
         }
-        let of = |part: fn(Tissue) -> bool| dice(labels, &known, part);
+        let of = |part: Part| dice(&labels.map(part).values, &known.map(part).values);
+        let breast = truth.breast(name, &known);
         let scores = json!({
-            "dice_breast": of(Tissue::is_breast),
+            "dice_breast": dice(&labels.map(Tissue::is_breast).values, &breast),
+            "dice_breast_material_limits": of(Tissue::is_breast),
+            "dice_gland": of(Tissue::is_gland),
             "dice_muscle": of(|tissue| tissue == Tissue::PectoralMuscle),
             "dice_chest_wall": of(Tissue::is_chest_wall),
         });
@@ -74,11 +77,13 @@ pub fn score(estimates: &Estimates, folder: &Path) -> Result<Value, Failure> {
     }))
 }
 
+/// A part of the body by its tissues.
+pub type Part = fn(Tissue) -> bool;
+
 /// Twice the common voxels over the voxels of both (Dice 1945); `None` when neither has any.
-fn dice(a: &LabelMap, b: &LabelMap, part: fn(Tissue) -> bool) -> Option<f64> {
+pub fn dice(a: &[bool], b: &[bool]) -> Option<f64> {
     let (mut common, mut both) = (0u64, 0u64);
-    for (a, b) in a.values.iter().zip(&b.values) {
-        let (a, b) = (part(*a), part(*b));
+    for (&a, &b) in a.iter().zip(b) {
         common += u64::from(a && b);
         both += u64::from(a) + u64::from(b);
     }
@@ -108,8 +113,9 @@ mod tests {
         use Tissue::{AdiposeLeft, Background, PectoralMuscle, Skin};
         let a = of([AdiposeLeft, Skin, Background, Background]);
         let b = of([Background, AdiposeLeft, AdiposeLeft, Background]);
-        assert_eq!(dice(&a, &b, Tissue::is_breast), Some(0.5));
-        assert_eq!(dice(&a, &b, |tissue| tissue == PectoralMuscle), None);
+        let of = |part: Part| dice(&a.map(part).values, &b.map(part).values);
+        assert_eq!(of(Tissue::is_breast), Some(0.5));
+        assert_eq!(of(|tissue| tissue == PectoralMuscle), None);
     }
 
     #[test]

@@ -36,6 +36,9 @@ pub enum StudyCommand {
     /// Whether the solver finds an equilibrium wherever a calibration may go: a designed sample, checked
     #[command(after_help = SEARCH_BOX_HELP)]
     SearchBox(SearchBoxArguments),
+    /// Segmentation against the truth of digital volunteers: Dice and distances, structure by structure
+    #[command(after_help = SEGMENTATION_HELP)]
+    Segmentation(SegmentationArguments),
     /// What each tissue does under gravity, and the error of the model over all moduli
     #[command(after_help = SENSITIVITY_HELP)]
     Sensitivity(SensitivityArguments),
@@ -146,6 +149,34 @@ pub struct SearchBoxArguments {
     /// Begin no run after so many minutes
     #[arg(long, value_name = "N")]
     pub minutes: Option<u64>,
+}
+
+const SEGMENTATION_HELP: &str = "\
+Makes digital volunteers (supine, prone, tilted), segments each image without help and compares labels
+and surfaces with the truth. Volunteers that are there already are used again.
+
+Examples:
+  mammotwin study segmentation --out runs/segmentation --presets tiny --seeds 10
+  mammotwin study segmentation --presets small --voxel-mm 1 --seeds 3 --first-seed 21";
+
+/// The study of the segmentation.
+#[derive(Debug, Clone, Args)]
+pub struct SegmentationArguments {
+    /// Folder to write to
+    #[arg(long, value_name = "DIR", default_value = "runs/segmentation")]
+    pub out: PathBuf,
+    /// Kinds of volunteers
+    #[arg(long, value_name = "PRESET", value_delimiter = ',', default_value = "tiny")]
+    pub presets: Vec<String>,
+    /// Number of persons of each kind
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub seeds: u64,
+    /// Seed of the first one; the others follow
+    #[arg(long, value_name = "N", default_value_t = 11)]
+    pub first_seed: u64,
+    /// Edge of the voxels (mm), one number or three [default: the preset's]
+    #[arg(long, value_name = "MM", value_delimiter = ',')]
+    pub voxel_mm: Vec<f64>,
 }
 
 const SENSITIVITY_HELP: &str = "\

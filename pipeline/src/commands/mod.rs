@@ -17,6 +17,7 @@ pub mod projection;
 pub mod run;
 pub mod score;
 pub mod search_box;
+pub mod segmentation;
 pub mod sensitivity;
 pub mod status;
 pub mod stiffening;
@@ -69,6 +70,9 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),
         Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),
         Command::Study(StudyCommand::SearchBox(arguments)) => search_box::search_box(arguments),
+        Command::Study(StudyCommand::Segmentation(arguments)) => {
+            segmentation::segmentation(arguments)
+        }
         Command::Study(StudyCommand::Sensitivity(arguments)) => sensitivity::sensitivity(arguments),
         Command::Study(StudyCommand::Stiffening(arguments)) => stiffening::stiffening(arguments),
         Command::Bids(arguments) => bids::bids(arguments),

@@ -41,19 +41,7 @@ pub fn demo(arguments: &DemoArguments) -> Result<(), Failure> {
 }
 
 fn settings(arguments: &SynthArguments) -> Result<Settings, Failure> {
-    let voxel_mm = match arguments.voxel_mm[..] {
-        [] => None,
-        [mm] => Some([mm; 3]),
-        [x, y, z] => Some([x, y, z]),
-        _ => {
-            return Err(Failure::Usage(
-                "--voxel-mm: give one number, or three: 0.5,0.5,0.6".into(),
-            ));
-        }
-    };
-    if voxel_mm.iter().flatten().any(|mm| !(0.2..=10.0).contains(mm)) {
-        return Err(Failure::Usage("--voxel-mm: give 0.2 to 10 mm".into()));
-    }
+    let voxel_mm = voxels(&arguments.voxel_mm)?;
     let mut poses = Vec::new();
     for name in &arguments.poses {
         let pose = PoseName::ALL.into_iter().find(|pose| pose.name() == name);
@@ -71,6 +59,24 @@ fn settings(arguments: &SynthArguments) -> Result<Settings, Failure> {
     let elements = arguments.elements.as_deref().map(elements).transpose()?;
     let out_dir = arguments.out.clone();
     Ok(Settings { preset, seed, voxel_mm, poses, hidden, still: false, elements, out_dir })
+}
+
+/// Edges of voxels (mm) from one number or three; none means the preset's.
+pub fn voxels(given: &[f64]) -> Result<Option<[f64; 3]>, Failure> {
+    let voxel_mm = match *given {
+        [] => None,
+        [mm] => Some([mm; 3]),
+        [x, y, z] => Some([x, y, z]),
+        _ => {
+            return Err(Failure::Usage(
+                "--voxel-mm: give one number, or three: 0.5,0.5,0.6".into(),
+            ));
+        }
+    };
+    if voxel_mm.iter().flatten().any(|mm| !(0.2..=10.0).contains(mm)) {
+        return Err(Failure::Usage("--voxel-mm: give 0.2 to 10 mm".into()));
+    }
+    Ok(voxel_mm)
 }
 
 fn elements(word: &str) -> Result<Elements, Failure> {

@@ -10,6 +10,10 @@ const CAGE_MM: f64 = 14.0;
 /// Distance of ribs along z (mm).
 const RIB_PITCH_MM: f64 = 27.0;
 
+/// From the outside of the cage to the front of the ribs and the fat around them (mm): the muscle in
+/// front of them cannot be told from the pectoral muscle that lies on it, and counts as such.
+const RIBS_BEHIND_MM: f64 = 7.0 - 1.12 * 4.6;
+
 /// What is at a place behind the chest wall (`rib_cage`: distance from the rib cage, mm).
 pub fn thorax(torso: &Torso, p: &Vec3, rib_cage: f64) -> (Substance, Tissue) {
     if rib_cage > 0.0 {
@@ -22,7 +26,8 @@ pub fn thorax(torso: &Torso, p: &Vec3, rib_cage: f64) -> (Substance, Tissue) {
         None if rib_cage > -CAGE_MM => cage(torso, p, rib_cage),
         None => inside(torso, p, rib_cage),
     };
-    (substance, Tissue::Thorax)
+    let before_ribs = rib_cage > -RIBS_BEHIND_MM && p.y > 0.0 && substance == Substance::Muscle;
+    (substance, if before_ribs { Tissue::PectoralMuscle } else { Tissue::Thorax })
 }
 
 /// Sternum, ribs, costal cartilage, intercostal muscle.

@@ -1,7 +1,9 @@
 //! What is true of a digital volunteer: `truth/truth.json`, which no stage reads.
 
 use super::{Motion, PoseName, Torso, torso::Limits};
-use mammotwin_data::{Failure, Vec3, landmarks::Landmarks, rigid::RigidTransform};
+use mammotwin_data::{
+    Failure, Vec3, labels::LabelMap, landmarks::Landmarks, rigid::RigidTransform,
+};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, path::Path};
 
@@ -60,6 +62,27 @@ impl Truth {
         }
     }
 
+    /// Whether a place (mm) of the image of a pose lies between the breast limits, `margin_mm` away
+    /// from them. They are marks of bones (sternal and midaxillary line, clavicle, costal margin) and
+    /// move with the chest, not with the tissue. A pose that is not known is taken for supine.
+    pub fn inside_limits(&self, pose: &str, margin_mm: f64) -> impl Fn(&Vec3) -> bool + use<> {
+        let motion = self.poses.get(pose).map_or(RigidTransform::identity(), |p| p.to_common);
+        let inner = Limits {
+            least_y_mm: self.limits.least_y_mm + margin_mm,
+            least_z_mm: self.limits.least_z_mm + margin_mm,
+            greatest_z_mm: self.limits.greatest_z_mm - margin_mm,
+        };
+        move |p| inner.contain(&motion.point(p))
+    }
+
+    /// The voxels of the breasts in a pose: soft tissue of the labels between the breast limits.
+    pub fn breast(&self, pose: &str, labels: &LabelMap) -> Vec<bool> {
+        let within = self.inside_limits(pose, 0.0);
+        let place = |n: usize| labels.grid.center(labels.grid.voxel(n));
+        let soft = labels.values.iter().enumerate();
+        soft.map(|(n, tissue)| tissue.is_soft() && within(&place(n))).collect()
+    }
+
     /// Writes the truth as JSON.
     ///
     /// # Errors
@@ -91,5 +114,34 @@ impl PoseTruth {
             chest_change_rms_mm: motion.chest.rms_mm,
             landmarks,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volunteer::Preset;
+    use mammotwin_data::{
+        labels::Tissue,
+        volume::{Grid, Volume},
+    };
+
+    #[test]
+    fn breast_limits_move_with_the_chest_and_not_with_the_tissue() {
+        let torso = Torso::new(Preset::named("tiny").unwrap(), 1);
+        let mut truth = Truth::of(&torso, "tiny", 1);
+        let motion = Motion::drawn(&torso, PoseName::Prone, 1);
+        let prone = PoseTruth::of(PoseName::Prone, &motion, Landmarks::default());
+        truth.poses.insert("prone".into(), prone);
+        let upper = truth.limits.greatest_z_mm;
+        let to_image = |z: f64| motion.to_common.inverse().point(&Vec3::new(60.0, 90.0, z));
+        let inside = truth.inside_limits("prone", 2.0);
+        assert!(inside(&to_image(upper - 2.1)) && !inside(&to_image(upper - 1.9)));
+        // Three voxels at the limit: two in it, of which one is muscle.
+        let (low, step) = (to_image(upper - 5.0), to_image(upper) - to_image(upper - 4.0));
+        let mut grid = Grid::aligned([1, 1, 3], [1.0, 1.0, 4.0], low);
+        grid.axes.set_column(2, &step);
+        let values = vec![Tissue::PectoralMuscle, Tissue::Other, Tissue::AdiposeRight];
+        assert_eq!(truth.breast("prone", &Volume { grid, values }), [false, true, false]);
     }
 }

@@ -150,14 +150,19 @@ pub(super) fn assign(
         let dark = f64::from(brightness.values[n]) < 0.75 * classes.fat;
         depth[n] <= skin_depth && (!resolved || dark || depth[n] <= first_layer)
     };
-    // A voxel that shares in the muscle is as dark as gland: look a little further out.
+    // A voxel that shares in the muscle is as dark as gland, and beyond a thin layer of fat the skin is,
+    // too: what is fat a little further out is fat.
     let finest = 2.0 * half_voxel;
-    let beside_wall = |p: &Vec3| {
+    let beside_wall = |p: &Vec3, value: f32| {
         let (radius, at) = wall.polar.locate(p);
         let ahead = radius - f64::from(wall.polar.value(&wall.front, at));
+        if ahead >= 1.2 * finest {
+            return value;
+        }
         let outwards = Vec3::new(p.x - wall.polar.axis[0], p.y - wall.polar.axis[1], 0.0);
-        let further = p + outwards * (1.5 * finest / radius.max(1.0));
-        if ahead < 1.2 * finest { shaded.at(&further) } else { None }
+        let further = |voxels: f64| p + outwards * (voxels * finest / radius.max(1.0));
+        let seen = [0.75, 1.5].into_iter().filter_map(|voxels| shaded.at(&further(voxels)));
+        seen.fold(value, f32::max)
     };
     let mut labels = vec![Tissue::Background; grid.len()];
     labels.par_chunks_mut(slice).enumerate().for_each(|(k, labels)| {
@@ -171,7 +176,7 @@ pub(super) fn assign(
                 Place::Breast if is_skin(n, &classes) => Tissue::Skin,
                 Place::Breast => {
                     let p = body_point(n);
-                    let value = beside_wall(&p).unwrap_or(brightness.values[n]);
+                    let value = beside_wall(&p, brightness.values[n]);
                     let gland = f64::from(value) < classes.threshold;
                     match (gland, limits.right_of_sternum(p.x, p.z) >= 0.0) {
                         (false, true) => Tissue::AdiposeRight,

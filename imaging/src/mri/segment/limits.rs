@@ -1,9 +1,9 @@
 //! Where the breasts end: sternal plane, lateral plane, upper and lower limits.
 
-use super::body::median;
+use super::body::{median, quantile};
 use super::polar::{Polar, STEP_Z};
 use super::wall::Wall;
-use mammotwin_data::labels::Side;
+use mammotwin_data::{Vec3, labels::Side};
 
 /// Limits in the body's axes (mm).
 #[derive(Debug, Clone)]
@@ -34,12 +34,16 @@ pub(super) fn slot(side: Side) -> usize {
     }
 }
 
-/// A breast ends where its cross-section is this fraction of its largest ...
-const END_FRACTION: f64 = 0.1;
-/// ... and so much further down (mm), at about the costal margin, ...
-const BELOW_MM: f64 = 27.0;
-/// ... and up (mm), below the clavicle.
-const ABOVE_MM: f64 = 32.0;
+/// A breast protrudes where a quarter of its front ...
+const PART: f64 = 0.25;
+/// ... lies so much (mm) beyond the layer of fat that is everywhere; ...
+const PROTRUDES_MM: f64 = 3.0;
+/// ... it ends so much (mm) above and below that: a band of flat tissue belongs to it, down towards
+/// the costal margin and up towards the clavicle.
+const MARGIN_MM: f64 = 12.0;
+/// Half width (rad) of the front of the chest: further to the side tissue slides beyond the breast's
+/// height when a body lies turned.
+const FRONT: f64 = 40.0 * std::f64::consts::PI / 180.0;
 
 /// Measures the limits on the wall and on the tissue in front of it. `None` if nothing protrudes.
 pub(super) fn find(wall: &Wall) -> Option<BodyLimits> {
@@ -47,6 +51,7 @@ pub(super) fn find(wall: &Wall) -> Option<BodyLimits> {
     let lateral_y = mid_depth(wall, sternum);
     let mut limits = BodyLimits { sternum, lateral_y, z: [[0.0; 2]; 2], at_border: [[0.0; 2]; 2] };
     let areas = cross_sections(wall, &limits);
+    let protrusions = protrusions(wall, &limits);
     let [_, n_z] = wall.polar.shape;
     let height = |row: f64| wall.polar.low_z + row * STEP_Z;
     for side in 0..2 {
@@ -55,10 +60,17 @@ pub(super) fn find(wall: &Wall) -> Option<BodyLimits> {
         if area[peak] <= 0.0 {
             return None;
         }
-        let ended = |row: &usize| area[*row] < END_FRACTION * area[peak];
-        let low = (0..peak).rev().find(ended).map_or(0.0, |row| row as f64);
-        let high = (peak..n_z).find(ended).map_or((n_z - 1) as f64, |row| row as f64);
-        limits.z[side] = [height(low) - BELOW_MM, height(high) + ABOVE_MM];
+        let beyond = |row: usize| protrusions[side][row] - PROTRUDES_MM;
+        let ended = |row: &usize| beyond(*row) < 0.0;
+        // Between the rows on both sides of the end.
+        let between = |inner: usize, outer: usize| {
+            let part = beyond(inner) / (beyond(inner) - beyond(outer));
+            inner as f64 + part.clamp(0.0, 1.0) * (outer as f64 - inner as f64)
+        };
+        let low = (0..peak).rev().find(ended).map_or(0.0, |row| between(row + 1, row));
+        let high = (peak + 1..n_z).find(ended);
+        let high = high.map_or((n_z - 1) as f64, |row| between(row - 1, row));
+        limits.z[side] = [height(low) - MARGIN_MM, height(high) + MARGIN_MM];
         limits.at_border[side] = [area[0] / area[peak], area[n_z - 1] / area[peak]];
     }
     Some(limits)
@@ -119,7 +131,8 @@ fn robust_line(points: &[[f64; 2]]) -> Option<[f64; 2]> {
     Some([median(&mut offsets)?, slope])
 }
 
-/// y of the centre of ellipses through the wall, one a row.
+/// y of the centre of ellipses through the rear of the muscle, one a row: the belly of the muscle does
+/// not count.
 fn mid_depth(wall: &Wall, sternum: [f64; 2]) -> f64 {
     let polar = &wall.polar;
     let [n_u, n_z] = polar.shape;
@@ -129,7 +142,7 @@ fn mid_depth(wall: &Wall, sternum: [f64; 2]) -> f64 {
         let mut normal = nalgebra::Matrix3::<f64>::zeros();
         let mut right = nalgebra::Vector3::<f64>::zeros();
         for column in row * n_u..(row + 1) * n_u {
-            let p = polar.point(column, f64::from(wall.front[column]));
+            let p = polar.point(column, f64::from(wall.rear[column]));
             let x = (p.x - sternum[0] - sternum[1] * p.z) / 100.0;
             let y = (p.y - polar.axis[1]) / 100.0;
             let terms = nalgebra::Vector3::new(y * y, y, 1.0);
@@ -150,23 +163,54 @@ fn mid_depth(wall: &Wall, sternum: [f64; 2]) -> f64 {
 /// Columns further to the side than this (rad from the front) hold axilla and shoulder.
 const SECTOR: f64 = 60.0 * std::f64::consts::PI / 180.0;
 
+/// The place on the wall of a column in front of the lateral plane.
+fn in_front(wall: &Wall, limits: &BodyLimits, column: usize) -> Option<Vec3> {
+    let p = wall.polar.point(column, f64::from(wall.front[column]));
+    (p.y > limits.lateral_y).then_some(p)
+}
+
+/// Thickness (mm) of the tissue in front of the wall.
+fn thickness(wall: &Wall, column: usize) -> f64 {
+    f64::from(wall.surface[column] - wall.front[column]).max(0.0)
+}
+
+/// Thickness (mm) of the layer of fat that is everywhere: a third of the columns have less.
+fn layer(wall: &Wall, limits: &BodyLimits) -> f64 {
+    let front = (0..wall.polar.len()).filter(|&c| in_front(wall, limits, c).is_some());
+    let mut layers: Vec<f64> = front.map(|column| thickness(wall, column)).collect();
+    quantile(&mut layers, 1.0 / 3.0).unwrap_or(0.0)
+}
+
+/// How far (mm) each side's tissue protrudes beyond the layer of fat, row by row: a [`PART`] of its
+/// front does by more.
+fn protrusions(wall: &Wall, limits: &BodyLimits) -> [Vec<f64>; 2] {
+    let polar = &wall.polar;
+    let [n_u, n_z] = polar.shape;
+    let layer = layer(wall, limits);
+    [0, 1].map(|side| {
+        let of_row = |row: usize| {
+            let columns = (row * n_u..(row + 1) * n_u).filter(|&column| {
+                let from_front = (polar.angle(column) - std::f64::consts::FRAC_PI_2).abs();
+                let here = in_front(wall, limits, column)
+                    .map(|p| usize::from(limits.right_of_sternum(p.x, p.z) < 0.0));
+                from_front < FRONT && here == Some(side)
+            });
+            let mut beyond: Vec<f64> = columns.map(|c| thickness(wall, c) - layer).collect();
+            quantile(&mut beyond, 1.0 - PART).unwrap_or(0.0)
+        };
+        (0..n_z).map(of_row).collect()
+    })
+}
+
 /// Area (mm²) of each side's tissue in front of the wall beyond the layer of fat that is
 /// everywhere, row by row.
 fn cross_sections(wall: &Wall, limits: &BodyLimits) -> [Vec<f64>; 2] {
     let polar = &wall.polar;
     let [n_u, n_z] = polar.shape;
-    let in_front = |column: usize| {
-        let p = polar.point(column, f64::from(wall.front[column]));
-        (p.y > limits.lateral_y).then_some(p)
-    };
-    let thickness = |column: usize| f64::from(wall.surface[column] - wall.front[column]).max(0.0);
-    let mut layers: Vec<f64> =
-        (0..polar.len()).filter(|&c| in_front(c).is_some()).map(thickness).collect();
-    layers.sort_by(f64::total_cmp);
-    let layer = layers.get(layers.len() / 3).copied().unwrap_or(0.0) + 4.0;
+    let layer = layer(wall, limits) + 4.0;
     let mut areas = [vec![0.0; n_z], vec![0.0; n_z]];
     for column in 0..polar.len() {
-        let Some(p) = in_front(column) else { continue };
+        let Some(p) = in_front(wall, limits, column) else { continue };
         if (polar.angle(column) - std::f64::consts::FRAC_PI_2).abs() > SECTOR {
             continue;
         }

@@ -7,9 +7,9 @@
 //! all on the image's own grid.
 //!
 //! The breasts end by convention: at the sternal plane of symmetry, at the lateral plane through
-//! the thorax' mid-depth (mid-axillary line), and where the tissue in front of the chest wall
-//! stops protruding, plus a margin (Mira 2018, § 1.1.2: sternal to mid-axillary line, clavicle to
-//! costal margin).
+//! the thorax' mid-depth (mid-axillary line), and 12 mm above and below where the tissue in front of
+//! the chest wall stops protruding, which is between clavicle and costal margin (Mira 2018, § 1.1.2:
+//! sternal to mid-axillary line, clavicle to costal margin). The limits are planes of the chest.
 
 mod body;
 mod border;

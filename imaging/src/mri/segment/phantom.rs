@@ -18,8 +18,8 @@ const BREAST: [f64; 3] = [60.0, 55.0, 45.0];
 const CENTER_X: f64 = 78.0;
 /// Thickness (mm) of the skin.
 const SKIN_MM: f64 = 2.0;
-/// Limits of the truth in z (mm).
-const LIMITS_Z: [f64; 2] = [-80.0, 85.0];
+/// Limits of the truth in z (mm): 12 mm beyond where the breasts protrude by 3 mm.
+const LIMITS_Z: [f64; 2] = [-75.0, 75.0];
 
 /// Where gland lies in the truth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -34,6 +34,9 @@ const STERNAL: f64 = 10.0 * std::f64::consts::PI / 180.0;
 const DEEPEST_STERNUM_MM: f32 = 35.0;
 /// Where brightness falls below this fraction of the fat in front of it, fat ends.
 const FAT_ENDS: f32 = 0.7;
+/// Brightest fat beside the wall: where the shading is a little off, fat is brighter than 1, and the
+/// half-way level has to know how bright it is.
+const BRIGHTEST_FAT: f32 = 1.5;
 /// Skin and fat in front of the wall are at least this thick (mm).
 const THINNEST_COVER_MM: f32 = 3.0;
 /// The wall is hardly ever further inside than this from its first approximation (mm).
@@ -327,7 +330,9 @@ fn refine(polar: &Polar, fine: &Shaded, rough: &[f32]) -> (Vec<f32>, Vec<f32>) {
     let crossing = |column: usize| {
         let at = |n: usize| f64::from(rough[column]) + (n as f64 - HALF as f64) * STEP;
         let raw: Vec<f32> = (0..=2 * HALF)
-            .map(|n| fine.at(&polar.point(column, at(n).max(0.0))).unwrap_or(0.0).min(1.0))
+            .map(|n| {
+                fine.at(&polar.point(column, at(n).max(0.0))).unwrap_or(0.0).min(BRIGHTEST_FAT)
+            })
             .collect();
         let mean = |range: std::ops::Range<usize>| {
             raw[range.clone()].iter().sum::<f32>() / range.len() as f32
@@ -365,6 +370,25 @@ fn refine(polar: &Polar, fine: &Shaded, rough: &[f32]) -> (Vec<f32>, Vec<f32>) {
     (front, contrast)
 }
 
+/// x of the middle of the wall, its half width, and its depth in front of the axis (mm): medians over
+/// the rows.
+fn half_axes(polar: &Polar, front: &[f32]) -> [f64; 3] {
+    let [n_u, n_v] = polar.shape;
+    let mut all = [(); 3].map(|()| Vec::with_capacity(n_v));
+    for row in 0..n_v {
+        let (mut low, mut high) = (Vec3::repeat(f64::MAX), Vec3::repeat(f64::MIN));
+        for column in row * n_u..(row + 1) * n_u {
+            let p = polar.point(column, f64::from(front[column]));
+            (low, high) = (low.inf(&p), high.sup(&p));
+        }
+        let of_row = [0.5 * (low.x + high.x), 0.5 * (high.x - low.x), high.y - polar.axis[1]];
+        all.iter_mut().zip(of_row).for_each(|(all, value)| all.push(value));
+    }
+    let [mut middle, mut wide, mut deep] = all;
+    let half = |values: &mut Vec<f64>| body::median(values).unwrap_or(1.0);
+    [half(&mut middle), half(&mut wide).max(1.0), half(&mut deep).max(1.0)]
+}
+
 /// Rear of the muscle: a smooth surface behind the front where it gets brighter again (fat between
 /// the ribs, marrow), at about its nominal thickness; which it has where nothing is seen. Returns
 /// radii and the fraction of columns that show it.
@@ -372,8 +396,11 @@ fn search_rear(polar: &Polar, fine: &Shaded, front: &[f32], contrast: &[f32]) ->
     const PER_MM: f32 = 0.08;
     let (thinnest, n_offset) = (3usize, 13usize);
     let thickness = |n: usize| (thinnest + n) as f32;
+    let axes = half_axes(polar, front);
     let nominal = |column: usize| {
-        let belly = (2.0 * polar.angle(column)).sin().powi(2);
+        let p = polar.point(column, f64::from(front[column]));
+        let [u, v] = [(p.x - axes[0]) / axes[1], (p.y - polar.axis[1]).max(0.0) / axes[2]];
+        let belly = (2.0 * u * v / (u * u + v * v).max(1e-9)).powi(2);
         (NOMINAL_THIN_MM + (NOMINAL_MUSCLE_MM - NOMINAL_THIN_MM) * belly) as f32
     };
     let penalty = |column: usize, n: usize| PER_MM * (thickness(n) - nominal(column)).abs();
