@@ -42,11 +42,17 @@ pub fn csv(results: &Results) -> String {
 pub fn markdown(results: &Results, arguments: &BenchmarkArguments) -> String {
     let mut text = String::new();
     let seeds: Vec<String> = arguments.seeds.iter().map(u64::to_string).collect();
+    let sigmas: Vec<String> = arguments.sigmas.iter().map(f64::to_string).collect();
+    let voxel = arguments.voxel_mm.map_or(String::new(), |mm| format!(" --voxel-mm {mm}"));
+    let effects = match arguments.effects.is_empty() {
+        true => String::new(),
+        false => format!(" --effects {}", arguments.effects.join(",")),
+    };
     let _ = writeln!(
         text,
         "# What `discover` finds of what was hidden\n\n\
-         Made by `mammotwin study discovery --preset {} --seeds {} --draws {} --images {}`. Each \
-         volunteer is deformed on another, finer mesh with the effect, and analysed without it; tilted \
+         Made by `mammotwin study discovery --preset {}{voxel} --seeds {} --draws {} --sigmas {}{effects} --images {}`. Each \
+         volunteer is deformed on another mesh of quadratic elements with the effect, and analysed without it; tilted \
          is held out. Severity counts standard deviations of the seen poses after the moduli took what they can. In \
          *single*, *null*, *decoy* and *outside* her labels are the true ones and errors of \
          segmentation, registration and chest wall are drawn from the error budget; fits are linear. \
@@ -56,6 +62,7 @@ pub fn markdown(results: &Results, arguments: &BenchmarkArguments) -> String {
         arguments.preset,
         seeds.join(","),
         arguments.draws,
+        sigmas.join(","),
         arguments.images
     );
     targets(&mut text, results);
