@@ -31,7 +31,7 @@ impl Grid {
 
     /// Mean edge of a voxel (mm).
     pub fn mean_edge_mm(&self) -> f64 {
-        self.axes.column_iter().map(|step| step.norm()).sum::<f64>() / 3.0
+        self.spacing_mm().iter().sum::<f64>() / 3.0
     }
 
     /// Position of voxel (i, j, k) in the values: i runs fastest.

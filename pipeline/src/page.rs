@@ -12,3 +12,10 @@ pub fn begin(title: &str, subject: &str, style: &str) -> String {
         escaped(subject)
     )
 }
+
+/// The median of values; `None` of none.
+pub fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().checked_sub(1)?;
+    Some(0.5 * (values[last / 2] + values[last.div_ceil(2)]))
+}

@@ -19,7 +19,7 @@ fn a_volunteer_is_segmented_and_compared_with_her_truth() {
     let out = folder.path().join("study");
     let run = || {
         let done = Command::new(env!("CARGO_BIN_EXE_mammotwin"))
-            .args(["-q", "study", "segmentation", "--seeds", "1", "--first-seed", "31", "--out"])
+            .args(["-q", "study", "segmentation", "--seeds", "31", "--out"])
             .arg(&out)
             .output()
             .unwrap();

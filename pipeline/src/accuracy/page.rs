@@ -1,6 +1,7 @@
 //! Tables and figure of the study of the calibration.
 
 use super::{Fitted, Hypothesis, PoseError};
+use crate::page::median;
 use mammotwin_stages::report::chart::{Axis, Chart, Line, lines};
 use std::fmt::Write;
 
@@ -44,15 +45,6 @@ fn of(all: &[Fitted], hypothesis: Hypothesis) -> impl Iterator<Item = &Fitted> {
     all.iter().filter(move |fit| fit.hypothesis == hypothesis)
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    match n {
-        0 => f64::NAN,
-        _ => 0.5 * (values[(n - 1) / 2] + values[n / 2]),
-    }
-}
-
 /// Names of the poses, in the order in which they occur.
 fn poses(all: &[Fitted]) -> Vec<&str> {
     let mut names: Vec<&str> = Vec::new();
@@ -83,7 +75,9 @@ pub fn markdown(all: &[Fitted]) -> String {
                 true => format!("≤ {FIT_MM}"),
                 false => format!("≤ floor + {OVER_FLOOR_MM}"),
             };
-            let all = |of: fn(&PoseError) -> f64| median(found.iter().map(|p| of(p)).collect());
+            let all = |of: fn(&PoseError) -> f64| {
+                median(found.iter().map(|p| of(p)).collect()).unwrap_or(f64::NAN)
+            };
             let worst = found.iter().map(|pose| pose.after_mm).fold(f64::NEG_INFINITY, f64::max);
             let met = found.iter().filter(|pose| over(pose) <= 0.0).count();
             let held = if first.fitted { "" } else { ", held out" };
@@ -113,7 +107,7 @@ pub fn markdown(all: &[Fitted]) -> String {
             text,
             "| {} | {:.3} | {:.3} | {:.3} | {near} of {} | {inside} of {} | {} |",
             hypothesis.name(),
-            median(ratios.clone()),
+            median(ratios.clone()).unwrap_or(f64::NAN),
             ratios.iter().copied().fold(f64::INFINITY, f64::min),
             ratios.iter().copied().fold(f64::NEG_INFINITY, f64::max),
             ratios.len(),

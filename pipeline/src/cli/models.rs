@@ -67,9 +67,9 @@ pub struct BenchmarkArguments {
     /// Kind of volunteer
     #[arg(long, value_name = "PRESET", default_value = "tiny")]
     pub preset: String,
-    /// Edge of the voxels of her labels and images (mm) [default: the preset's]
-    #[arg(long, value_name = "MM")]
-    pub voxel_mm: Option<f64>,
+    /// Edge of the voxels of her labels and images (mm), one number or three [default: the preset's]
+    #[arg(long, value_name = "MM", value_delimiter = ',')]
+    pub voxel_mm: Vec<f64>,
     /// Which persons of that kind
     #[arg(long, value_name = "N", value_delimiter = ',', default_value = "7")]
     pub seeds: Vec<u64>,

@@ -73,9 +73,9 @@ pub struct CalibrationArguments {
         default_values_t = [11, 12, 13, 14, 15, 16, 17, 18, 19, 20]
     )]
     pub seeds: Vec<u64>,
-    /// Edge of the voxels (mm) [default: the preset's]
-    #[arg(long, value_name = "MM")]
-    pub voxel_mm: Option<f64>,
+    /// Edge of the voxels (mm), one number or three [default: the preset's]
+    #[arg(long, value_name = "MM", value_delimiter = ',')]
+    pub voxel_mm: Vec<f64>,
     /// 1/Jₘ of tissue that stiffens
     #[arg(long, value_name = "X", default_value_t = 0.8)]
     pub stiffening: f64,
@@ -152,12 +152,12 @@ pub struct SearchBoxArguments {
 }
 
 const SEGMENTATION_HELP: &str = "\
-Makes digital volunteers (supine, prone, tilted), segments each image without help and compares labels
-and surfaces with the truth. Volunteers that are there already are used again.
+Makes digital volunteers (supine, prone, tilted), segments each image without help and compares
+labels and surfaces with the truth. Volunteers that are there already are used again.
 
 Examples:
-  mammotwin study segmentation --out runs/segmentation --presets tiny --seeds 10
-  mammotwin study segmentation --presets small --voxel-mm 1 --seeds 3 --first-seed 21";
+  mammotwin study segmentation --out runs/segmentation --presets tiny
+  mammotwin study segmentation --presets small --voxel-mm 1 --seeds 21,22,23";
 
 /// The study of the segmentation.
 #[derive(Debug, Clone, Args)]
@@ -168,12 +168,14 @@ pub struct SegmentationArguments {
     /// Kinds of volunteers
     #[arg(long, value_name = "PRESET", value_delimiter = ',', default_value = "tiny")]
     pub presets: Vec<String>,
-    /// Number of persons of each kind
-    #[arg(long, value_name = "N", default_value_t = 10)]
-    pub seeds: u64,
-    /// Seed of the first one; the others follow
-    #[arg(long, value_name = "N", default_value_t = 11)]
-    pub first_seed: u64,
+    /// Which persons of each kind
+    #[arg(
+        long,
+        value_name = "N",
+        value_delimiter = ',',
+        default_values_t = [11, 12, 13, 14, 15, 16, 17, 18, 19, 20]
+    )]
+    pub seeds: Vec<u64>,
     /// Edge of the voxels (mm), one number or three [default: the preset's]
     #[arg(long, value_name = "MM", value_delimiter = ',')]
     pub voxel_mm: Vec<f64>,

@@ -1,33 +1,28 @@
 //! `mammotwin study calibration`: digital volunteers through images, fit and held-out poses.
 
-use super::{Opened, open, volunteer::made, write};
+use super::{open, run::execute, synth::voxels, volunteer::made, write};
 use crate::{
     accuracy::{Fitted, Hypothesis, chart, markdown, measure, table},
     cli::{CalibrationArguments, StudyArguments},
-    display::{Display, Task},
-    graph,
+    display::Task,
 };
-use mammotwin_data::{
-    Failure,
-    progress::Progress,
-    store::{self, Drive, Options},
-    study::Elements,
-};
+use mammotwin_data::{Failure, progress::Progress, store::Options, study::Elements};
 use mammotwin_stages::{
     effects::Effect,
     volunteer::{PoseName, Settings},
 };
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::{Path, PathBuf},
+};
 
 /// The effect by which tissue stiffens.
 const STIFFENING: &str = "limit_chain";
 
 /// Makes and fits what is not there; writes `calibration.csv`, `calibration.md` and `held_out.svg` after each volunteer.
 pub fn calibration(arguments: &CalibrationArguments) -> Result<(), Failure> {
-    let voxel_mm = arguments.voxel_mm;
-    if voxel_mm.is_some_and(|mm| !(0.2..=10.0).contains(&mm)) {
-        return Err(Failure::Usage("--voxel-mm: give 0.2 to 10 mm".into()));
-    }
+    voxels(&arguments.voxel_mm)?;
     let range = Effect::named(STIFFENING).map_or([0.0; 2], |effect| effect.amplitude.range);
     if !(arguments.stiffening > range[0] && arguments.stiffening <= range[1]) {
         return Err(Failure::Usage(format!("--stiffening: give more than 0, up to {}", range[1])));
@@ -82,7 +77,7 @@ fn fitted(
     let study = made(&Settings {
         preset: preset.clone(),
         seed,
-        voxel_mm: arguments.voxel_mm.map(|mm| [mm; 3]),
+        voxel_mm: voxels(&arguments.voxel_mm)?,
         poses: PoseName::ALL.to_vec(),
         hidden,
         still: false,
@@ -94,16 +89,13 @@ fn fitted(
         _ => study,
     };
     let opened = open(&StudyArguments { study, out: Some(folder.join("out")) })?;
-    let Opened { study, base, store, .. } = &opened;
     let options = Options { until: vec!["validate".into()], ..Options::default() };
-    let display = Display::new();
-    let drive = Drive { store, base, options: &options, listener: &display };
-    let pass = store::execute(&drive, |run| graph::run(study, run))?;
+    let pass = execute(&opened, &options)?;
     measure(&pass.outcome, &folder.join("truth"), seed, hypothesis)
 }
 
 /// The study of a volunteer with a model that stiffens.
-fn stiffened(study: &Path, amplitude: f64) -> Result<std::path::PathBuf, Failure> {
+fn stiffened(study: &Path, amplitude: f64) -> Result<PathBuf, Failure> {
     let text = fs::read_to_string(study).map_err(|cause| Failure::io(study, cause))?;
     let with = study.with_file_name("study_gent.toml");
     write(&with, format!("{text}\n[model.effects]\n{STIFFENING} = {amplitude}\n"))?;

@@ -1,6 +1,6 @@
 //! `mammotwin study segmentation`: found against true labels of digital volunteers.
 
-use super::{volunteer::made, write};
+use super::{synth::voxels, volunteer::made, write};
 use crate::{
     cli::SegmentationArguments,
     display::Task,
@@ -30,18 +30,18 @@ const POSES: [PoseName; 3] = [PoseName::Supine, PoseName::Prone, PoseName::Tilte
 /// Makes the volunteers that are not there, segments every image and writes `segmentation.csv`,
 /// `segmentation.md`, `index.html` and `PRESET_POSE.png` of the first volunteer of each kind.
 pub fn segmentation(arguments: &SegmentationArguments) -> Result<(), Failure> {
-    if arguments.seeds == 0 || arguments.presets.is_empty() {
-        return Err(Failure::Usage("give --seeds of 1 or more, and a preset".into()));
+    if arguments.seeds.is_empty() || arguments.presets.is_empty() {
+        return Err(Failure::Usage("give at least one of --seeds and of --presets".into()));
     }
-    let voxel_mm = super::synth::voxels(&arguments.voxel_mm)?;
+    let voxel_mm = voxels(&arguments.voxel_mm)?;
     let out = &arguments.out;
     fs::create_dir_all(out).map_err(|cause| Failure::io(out, cause))?;
     let task = Task::new("segmentation");
     let (mut all, mut pictures) = (Vec::new(), Vec::new());
     let mut done = 0.0;
-    let total = arguments.seeds as f64 * arguments.presets.len() as f64;
+    let total = (arguments.seeds.len() * arguments.presets.len()) as f64;
     for preset in &arguments.presets {
-        for seed in arguments.first_seed..arguments.first_seed + arguments.seeds {
+        for &seed in &arguments.seeds {
             task.report(done / total, &format!("{preset} {seed}"));
             let folder = out.join(format!("{preset}-{seed}"));
             made(&Settings {
@@ -57,7 +57,7 @@ pub fn segmentation(arguments: &SegmentationArguments) -> Result<(), Failure> {
             let truth = Truth::load(&folder.join("truth/truth.json"))?;
             for pose in POSES {
                 let (image, known, found, measured) = one(&folder, &truth, pose)?;
-                if seed == arguments.first_seed {
+                if seed == arguments.seeds[0] {
                     let name = format!("{preset}_{}.png", pose.name());
                     write(&out.join(&name), picture(&image, &found, &known).png())?;
                     let caption =

@@ -107,7 +107,7 @@ pub fn measure(scanned: &Scanned) -> Result<(Measured, Segmentation), Failure> {
     };
     let breast = labels.map(Tissue::is_breast);
     let true_breast = truth.breast(pose, known);
-    let voxel_mm = image.grid.spacing_mm().iter().sum::<f64>() / 3.0;
+    let voxel_mm = image.grid.mean_edge_mm();
     let inside = truth.inside_limits(pose, INSIDE_MM);
     let surfaces = |part: Part| {
         let of = |labels: &LabelMap| {

@@ -128,3 +128,38 @@ pub(crate) fn by_chance(cosines: &DMatrix<f64>, ranges: &[[f64; 2]]) -> f64 {
     largest.sort_unstable_by(f64::total_cmp);
     largest.get(((1.0 - ALPHA) * DRAWS as f64) as usize).copied().unwrap_or(f64::INFINITY)
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)] // a test may fail at once
+mod tests {
+    use super::*;
+    use crate::{discover::budget::Whitener, effects::Effect};
+
+    /// An effect that changes one of three independent residuals, by so much at an amplitude of 1.
+    fn along(name: &str, row: usize, by: f64) -> Signature {
+        let mut change = DVector::zeros(3);
+        change[row] = 0.01 * by;
+        Signature::new(Effect::named(name).unwrap(), (0.01, &change), None, [])
+    }
+
+    #[test]
+    fn what_the_data_cannot_show_raises_no_threshold_and_systematic_errors_do() {
+        let whitener = Whitener::new(&DMatrix::identity(3, 3), &[0], 3).unwrap();
+        let projector = Projector::new(&whitener, &[]);
+        let residual = DVector::from_row_slice(&[-8.0, -8.0, 0.0]);
+        let shown = along("limit_chain", 0, 20.0);
+        let hidden = along("skin_region", 1, 1e-3);
+        let screen = |signatures: &[Signature], systematic: f64| {
+            Screening::new(&projector, &residual, signatures, systematic)
+        };
+        let alone = screen(std::slice::from_ref(&shown), 1.0);
+        let both = screen(&[shown.clone(), hidden], 1.0);
+        assert_eq!(both.limit, alone.limit);
+        assert!(both.scores[0].testable && both.scores[0].z > both.limit);
+        assert!(!both.scores[1].testable && both.scores[1].amplitude.is_none());
+        let two = screen(&[shown.clone(), along("skin_region", 1, 20.0)], 1.0);
+        assert!(two.limit > alone.limit);
+        let coarse = screen(&[shown], 2.0);
+        assert!((coarse.limit.powi(2) - alone.limit.powi(2) - 3.0).abs() < 1e-9);
+    }
+}

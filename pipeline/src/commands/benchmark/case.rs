@@ -42,8 +42,8 @@ pub struct Case {
     pub sigma: f64,
     /// How she is measured.
     pub kind: Kind,
-    /// Edge of her voxels (mm); `None` for the preset's.
-    pub voxel_mm: Option<f64>,
+    /// Edges of her voxels (mm); `None` for the preset's.
+    pub voxel_mm: Option<[f64; 3]>,
 }
 
 impl Case {
@@ -54,7 +54,7 @@ impl Case {
             // With the amplitude: other evidence asks for another volunteer.
             Some((effect, amplitude)) => format!("{}_{}_{amplitude:.6}", effect.name, self.sigma),
         };
-        let voxel = self.voxel_mm.map_or(String::new(), |mm| format!("-{mm}mm"));
+        let voxel = self.voxel_mm.map_or(String::new(), |[x, y, z]| format!("-{x}x{y}x{z}mm"));
         self.out.join(kind).join(format!("{}-{}{voxel}", self.preset, self.seed)).join(name)
     }
 
@@ -69,7 +69,7 @@ impl Case {
         let settings = Settings {
             preset: self.preset.clone(),
             seed: self.seed,
-            voxel_mm: self.voxel_mm.map(|mm| [mm; 3]),
+            voxel_mm: self.voxel_mm,
             poses: PoseName::ALL.to_vec(),
             hidden: self.hidden.iter().map(|(e, a)| (e.name.to_string(), *a)).collect(),
             still: self.kind == Kind::Exact,

@@ -8,7 +8,7 @@ mod case;
 mod page;
 mod tally;
 
-use super::write;
+use super::{synth::voxels, write};
 use crate::{cli::BenchmarkArguments, display::Task};
 use case::{Case, Kind};
 use mammotwin_data::{Failure, progress::Progress};
@@ -52,13 +52,13 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     let wanted = |effect: &Effect| {
         arguments.effects.is_empty() || arguments.effects.iter().any(|name| name == effect.name)
     };
+    Preset::named(&arguments.preset)?;
+    let voxel_mm = voxels(&arguments.voxel_mm)?;
     let out = &arguments.out;
     fs::create_dir_all(out).map_err(|cause| Failure::io(out, cause))?;
     let end = arguments.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * minutes));
     let late = || end.is_some_and(|end| Instant::now() >= end);
     let task = Task::new("benchmark");
-    let preset = Preset::named(&arguments.preset)?;
-    let voxel_mm = arguments.voxel_mm.unwrap_or(preset.image.voxel_mm.iter().sum::<f64>() / 3.0);
     let mut results = tally::Results::default();
     for &seed in &arguments.seeds {
         let case = |hidden: Option<(&'static Effect, f64)>, sigma: f64, kind: Kind| Case {
@@ -68,12 +68,12 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
             hidden,
             sigma,
             kind,
-            voxel_mm: arguments.voxel_mm,
+            voxel_mm,
         };
         task.report(0.0, &format!("seed {seed}: nothing hidden"));
         let null = case(None, 0.0, Kind::Exact).evidence()?;
         results.extend(nulls(&null, seed, arguments.draws)?);
-        results.extend(decoys(&null, seed, arguments.draws, voxel_mm)?);
+        results.extend(decoys(&null, seed, arguments.draws)?);
         let mut cases = Vec::new();
         for &sigma in &arguments.sigmas {
             let all = severities(&null, seed, sigma)?.into_iter();
@@ -208,15 +208,15 @@ fn nulls(null: &Evidence, seed: u64, draws: usize) -> Result<Vec<Trial>, Failure
     Ok(verdicts.iter().map(|v| Trial::new(Tier::Null, seed, None, 0.0, v)).collect())
 }
 
-/// What must not be called physics: rigid errors three times as large, surfaces half a voxel (of
-/// `voxel_mm`) off, noise half as large again.
-fn decoys(null: &Evidence, seed: u64, draws: usize, voxel_mm: f64) -> Result<Vec<Trial>, Failure> {
+/// What must not be called physics: rigid errors three times as large, surfaces half a voxel off, noise
+/// half as large again.
+fn decoys(null: &Evidence, seed: u64, draws: usize) -> Result<Vec<Trial>, Failure> {
     let rigid = RigidError { shift_mm: 3.0 * RIGID.shift_mm, turn: 3.0 * RIGID.turn };
     let plain = Errors::new(null, &null.budget, RIGID)?;
     let moved = Errors::new(null, &null.budget, rigid)?;
     let verdicts = tried(null, draws, !seed & 0xffff, |draw, random| match draw % 3 {
         0 => moved.draw(random),
-        1 => plain.draw(random) + plain.biased(0.5 * voxel_mm, random),
+        1 => plain.draw(random) + plain.biased(0.5 * null.budget.voxel_mm, random),
         _ => 1.5 * plain.draw(random),
     })?;
     Ok(verdicts.iter().map(|v| Trial::new(Tier::Decoy, seed, None, 0.0, v)).collect())

@@ -2,9 +2,9 @@
 
 use super::{
     SIGMAS,
-    tally::{Results, Tier, Trial, median, share},
+    tally::{Results, Tier, Trial, share},
 };
-use crate::cli::BenchmarkArguments;
+use crate::{cli::BenchmarkArguments, page::median};
 use mammotwin_stages::{
     discover::VerdictName,
     effects::EFFECTS,
@@ -43,7 +43,11 @@ pub fn markdown(results: &Results, arguments: &BenchmarkArguments) -> String {
     let mut text = String::new();
     let seeds: Vec<String> = arguments.seeds.iter().map(u64::to_string).collect();
     let sigmas: Vec<String> = arguments.sigmas.iter().map(f64::to_string).collect();
-    let voxel = arguments.voxel_mm.map_or(String::new(), |mm| format!(" --voxel-mm {mm}"));
+    let voxel_mm: Vec<String> = arguments.voxel_mm.iter().map(f64::to_string).collect();
+    let voxel = match voxel_mm.is_empty() {
+        true => String::new(),
+        false => format!(" --voxel-mm {}", voxel_mm.join(",")),
+    };
     let effects = match arguments.effects.is_empty() {
         true => String::new(),
         false => format!(" --effects {}", arguments.effects.join(",")),

@@ -135,7 +135,7 @@ impl Results {
     /// Median size of an effect hidden at a severity, by the models of the cases.
     pub fn size(&self, effect: &str, sigma: f64) -> Option<f64> {
         let of = self.sizes.iter().filter(|(e, s, _)| e == effect && *s == sigma);
-        median(of.map(|(.., size)| *size).collect())
+        crate::page::median(of.map(|(.., size)| *size).collect())
     }
 
     /// Notes a case that could not be computed.
@@ -186,10 +186,4 @@ impl Results {
 pub fn share(trials: &[&Trial], holds: impl Fn(&Trial) -> bool) -> Option<f64> {
     let count = trials.iter().filter(|t| holds(t)).count();
     (!trials.is_empty()).then(|| count as f64 / trials.len() as f64)
-}
-
-/// The middle of values; `None` of none.
-pub fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
