@@ -14,6 +14,7 @@ mod refit;
 mod screen;
 mod signature;
 pub mod trial;
+mod variation;
 mod verdict;
 
 pub use budget::{Budget, Nodes, RigidError};
@@ -21,7 +22,7 @@ pub use clusters::Cluster;
 pub use evidence::{Evidence, Gather};
 pub(crate) use screen::by_chance;
 pub use screen::{Score, Screening};
-pub use signature::Signature;
+pub use signature::{Bent, Course, Signature};
 pub(crate) use verdict::{ALIKE, FITTED, HELD_OUT, RARE};
 pub use verdict::{Candidate, HeldOut, Judge, Verdict, VerdictName};
 
@@ -139,7 +140,7 @@ type Input = (Evidence, evidence::Input);
 
 impl Stage for Discover {
     const NAME: &'static str = "discover";
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
     const METHODS: &'static str = "Residuals were weighed with the covariance of the errors of segmentation, registration, \
          chest wall and mesh. A score test asked for each effect of the library whether what the \
          moduli do not absorb of its signature is in the residuals; the threshold is the 99 % quantile \
