@@ -3,9 +3,10 @@
 
 use super::{
     budget::{Budget, Nodes, Whitener, mean},
+    course::Course,
     observe::{edges, residual, skin, weighed},
     reference::growth,
-    signature::{Course, Projector, Signature},
+    signature::{Projector, Signature},
     variation::{Standing, Variation},
 };
 use crate::{

@@ -7,6 +7,7 @@
 
 mod budget;
 mod clusters;
+mod course;
 mod evidence;
 mod observe;
 mod reference;
@@ -19,10 +20,11 @@ mod verdict;
 
 pub use budget::{Budget, Nodes, RigidError};
 pub use clusters::Cluster;
+pub use course::{Bent, Course};
 pub use evidence::{Evidence, Gather};
 pub(crate) use screen::by_chance;
 pub use screen::{Score, Screening};
-pub use signature::{Bent, Course, Signature};
+pub use signature::Signature;
 pub(crate) use verdict::{ALIKE, FITTED, HELD_OUT, RARE};
 pub use verdict::{Candidate, HeldOut, Judge, Verdict, VerdictName};
 

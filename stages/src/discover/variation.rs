@@ -8,9 +8,10 @@
 
 use super::{
     budget::mean,
+    course::{Change, Course},
     observe::{carried, residual},
     refit::with_effect,
-    signature::{Change, Course, Projector, Signature},
+    signature::{Projector, Signature},
 };
 use crate::{
     calibrate::{Experiment, Fit},
