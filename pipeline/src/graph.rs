@@ -6,7 +6,7 @@ use mammotwin_data::{
     labels::LabelMap,
     landmarks::Landmarks,
     store::{Entry, Run, Stored},
-    study::{CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
+    study::{CompressPlan, Elements, Gland as Where, LawName, MeshPlan, Pose, Study, Use},
     surface::TriMesh,
     volume::Volume,
 };
@@ -122,6 +122,30 @@ pub fn squeezes(
             found => found.map(Ok),
         };
     ways.iter().map(one).collect()
+}
+
+/// Fits the moduli of a study whose breast, skin and fascia stiffen alike (Gent), for each Jₘ. One that has no stress-free shape or no
+/// equilibrium is named with the reason.
+pub fn stiffened(
+    study: &Study,
+    jm: &[f64],
+    run: &Run<'_>,
+) -> Result<Vec<Result<Stored<Calibration>, String>>, Failure> {
+    let poses = images(study, study.reference_pose(), run)?;
+    let one = |jm: &f64| {
+        let mut with = study.clone();
+        let (gent, jm) = (LawName::Gent, Some(*jm));
+        (with.model.breast.law, with.model.breast.jm) = (gent, jm);
+        for layer in [&mut with.model.skin, &mut with.model.fascia] {
+            (layer.law, layer.jm) = (gent, jm);
+        }
+        let label = format!("jm_{}", jm.unwrap_or_default()).replace('.', "-");
+        match calibrated(&with, study.mesh, &poses, &label, run) {
+            Err(Failure::Numerics(why) | Failure::BadInput(why)) => Ok(Err(why)),
+            found => found.map(|(_, calibration)| Ok(calibration)),
+        }
+    };
+    jm.iter().map(one).collect()
 }
 
 /// The poses that a fit reads, but the reference pose.

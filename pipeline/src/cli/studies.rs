@@ -88,7 +88,8 @@ that are there are used again; files go to studies/stiffening in the output fold
 
 Examples:
   mammotwin study stiffening study.toml --record curve.csv
-  mammotwin study stiffening study.toml --jm 0.7,1,1.4,2,3 --distances 10,15,20";
+  mammotwin study stiffening study.toml --jm 0.7,1,1.4,2,3 --distances 10,15,20
+  mammotwin study stiffening study.toml --record curve.csv --poses    # one material for both loads?";
 
 /// The study of stiffening.
 #[derive(Debug, Clone, Args)]
@@ -105,6 +106,10 @@ pub struct StiffeningArguments {
     /// Distances (mm) from the chest wall to the paddle's edge
     #[arg(long, value_name = "MM", value_delimiter = ',', default_value = "10,15,20,30")]
     pub distances: Vec<f64>,
+    /// Ask the poses too: fit the moduli to all of them for every Jₘ of breast, skin and fascia, and say
+    /// whether one material explains poses and record
+    #[arg(long)]
+    pub poses: bool,
     /// Error of a force in proportion (%)
     #[arg(long, value_name = "PERCENT", default_value_t = 3.0)]
     pub force_error_percent: f64,

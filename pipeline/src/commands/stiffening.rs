@@ -1,22 +1,23 @@
 //! `mammotwin study stiffening`: Jₘ and the place of the paddle from a record of force and thickness.
 
-use super::{open, rising, write};
+use super::{Opened, open, rising, write};
 use crate::{
     cli::StiffeningArguments,
     display::Display,
     graph,
     plausible::findings,
     stiffening::{
-        Course, Grid, Measured, Posterior, RecordError, course_table, page, posterior_table,
-        read_record, said, way,
+        Both, Course, Grid, Hanging, Measured, Posterior, RecordError, course_table, gravity_table,
+        page, posterior_table, read_record, said, way,
     },
 };
 use mammotwin_data::{
     Failure,
     labels::Side,
     store::{self, Drive, Options},
-    study::{CompressPlan, Study},
+    study::{CompressPlan, Study, Use},
 };
+use mammotwin_stages::calibrate::Calibration;
 use std::fs;
 
 /// Compresses on the grid, weighs the record and writes tables, figures and page.
@@ -87,7 +88,14 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
     })?;
     let mut sentences = said(&posterior, &record, &error);
     sentences.extend(other(&opened.study, &plan, &posterior));
-    let (html, figures) = page(&opened.study.subject.id, &grid, &posterior, &record, &sentences);
+    let hanging = if arguments.poses { hanging(&opened, &grid.jm)? } else { Vec::new() };
+    let both = Both::new(&hanging, &posterior);
+    sentences.extend(both.iter().flat_map(Both::said));
+    if arguments.poses {
+        write(&folder.join("gravity.csv"), gravity_table(&hanging))?;
+    }
+    let subject = &opened.study.subject.id;
+    let (html, figures) = page(subject, &grid, &posterior, both.as_ref(), &record, &sentences);
     for (name, svg) in &figures {
         write(&folder.join(name), svg)?;
     }
@@ -100,6 +108,41 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
     }
     tell!("{}", folder.join("stiffening.html").display());
     Ok(())
+}
+
+/// What is left of all poses with each Jₘ that they stand.
+fn hanging(opened: &Opened, jm: &[f64]) -> Result<Vec<Hanging>, Failure> {
+    let mut study = opened.study.clone();
+    let reference = study.reference_pose().to_owned();
+    for (name, pose) in &mut study.poses {
+        if *name != reference {
+            pose.usage = Use::Fit;
+        }
+    }
+    let display = Display::new();
+    let options = Options::default();
+    let drive =
+        Drive { store: &opened.store, base: &opened.base, options: &options, listener: &display };
+    let pass = store::execute(&drive, |run| graph::stiffened(&study, jm, run))?;
+    drop(display);
+    let mut found = Vec::new();
+    for (jm, made) in jm.iter().zip(pass.outcome) {
+        match made {
+            Ok(calibration) => {
+                let Calibration { trials, after, precision, .. } = calibration.load()?;
+                let least =
+                    trials.iter().map(|trial| trial.misfit_mm).fold(f64::INFINITY, f64::min);
+                found.push(Hanging {
+                    jm: *jm,
+                    moduli_kpa: [after.moduli.right_kpa, after.moduli.left_kpa],
+                    misfit_mm: least,
+                    independent: precision.independent,
+                });
+            }
+            Err(why) => tell!("poses with Jₘ {jm} failed: {why}"),
+        }
+    }
+    Ok(found)
 }
 
 /// The record of a side in the study itself.

@@ -1,8 +1,10 @@
 //! Jₘ and the place of the paddle from a measured course of force and thickness.
 
+mod gravity;
 mod page;
 mod posterior;
 
+pub use gravity::{Both, Hanging, gravity_table};
 pub use page::{course_table, page, posterior_table, said};
 pub use posterior::{Course, Grid, Marginal, Posterior, RecordError};
 

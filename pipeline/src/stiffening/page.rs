@@ -1,6 +1,6 @@
 //! Tables, figures and one page.
 
-use super::{Course, Grid, Marginal, Measured, Posterior, RecordError};
+use super::{Both, Course, Grid, Marginal, Measured, Posterior, RecordError};
 use crate::page::begin;
 use mammotwin_stages::report::{
     chart::{Axis, Chart, Line, lines},
@@ -92,6 +92,7 @@ pub fn page(
     subject: &str,
     grid: &Grid,
     posterior: &Posterior,
+    both: Option<&Both>,
     record: &[Measured],
     sentences: &[String],
 ) -> (String, Vec<(String, String)>) {
@@ -119,6 +120,13 @@ pub fn page(
         "Weight (%) of Jₘ and distance; framed: where it is largest",
         heat(&map(posterior)),
     );
+    if let Some(both) = both {
+        add(
+            "both.svg",
+            "Weight of Jₘ by the poses under gravity, by the record of the compression, and by both",
+            lines(&weights(both)),
+        );
+    }
     html += "</body></html>\n";
     (html, figures)
 }
@@ -145,6 +153,27 @@ fn curves(grid: &Grid, posterior: &Posterior, record: &[Measured]) -> Chart {
         lines: all,
         marks: Vec::new(),
         x_axis: Axis::Falling,
+    }
+}
+
+fn weights(both: &Both) -> Chart {
+    let line = |name: &str, weights: &[f64]| {
+        let most = weights.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let points = both.jm.iter().zip(weights).map(|(jm, w)| (jm.recip(), w / most)).collect();
+        Line { name: name.into(), points }
+    };
+    Chart {
+        title: "Jₘ of one material".into(),
+        caption: String::new(),
+        x_label: "1/Jₘ (0: no limit of stretch)".into(),
+        y_label: "weight over the largest".into(),
+        lines: vec![
+            line("poses", &both.poses),
+            line("record", &both.record),
+            line("both", &both.joint),
+        ],
+        marks: Vec::new(),
+        x_axis: Axis::Rising,
     }
 }
 

@@ -176,7 +176,8 @@ impl Posterior {
         (best / self.distance_mm.len(), best % self.distance_mm.len())
     }
 
-    fn sums(&self) -> [Vec<f64>; 2] {
+    /// Weights of each Jₘ and of each distance.
+    pub(super) fn sums(&self) -> [Vec<f64>; 2] {
         let columns = self.distance_mm.len();
         let rows = self.weights.chunks(columns).map(|row| row.iter().sum()).collect();
         let column = |c: usize| self.weights.iter().skip(c).step_by(columns).sum();
@@ -217,7 +218,8 @@ impl Posterior {
     }
 }
 
-fn marginal(axis: &[f64], weights: &[f64], best: usize) -> Marginal {
+/// The marginal of weights on an axis, with the place of the most likely value.
+pub(super) fn marginal(axis: &[f64], weights: &[f64], best: usize) -> Marginal {
     let quantile = |part: f64| {
         let mut sum = 0.0;
         for (n, (value, weight)) in axis.iter().zip(weights).enumerate() {

@@ -90,6 +90,8 @@ pub struct Precision {
     pub left: Option<f64>,
     /// Correlation of the two.
     pub correlation: Option<f64>,
+    /// How many independent errors there are among the distances of the fitted poses; zero when nothing was fitted.
+    pub independent: f64,
 }
 
 /// Seed of the draws of moduli.
@@ -224,7 +226,12 @@ mod tests {
 
     #[test]
     fn draws_have_the_deviations_and_the_correlation_they_are_made_of() {
-        let precision = Precision { right: Some(0.05), left: Some(0.1), correlation: Some(0.6) };
+        let precision = Precision {
+            right: Some(0.05),
+            left: Some(0.1),
+            correlation: Some(0.6),
+            independent: 40.0,
+        };
         let moduli = Moduli { right_kpa: 0.3, left_kpa: 0.2 };
         let draws = precision.draws(moduli, 20_000);
         let logs = |side: usize, kpa: f64| -> Vec<f64> {
@@ -237,7 +244,7 @@ mod tests {
         let [sd_right, sd_left] = [mean(&right, &right).sqrt(), mean(&left, &left).sqrt()];
         assert!((sd_right / 0.05 - 1.0).abs() < 0.02 && (sd_left / 0.1 - 1.0).abs() < 0.02);
         assert!((mean(&right, &left) / (sd_right * sd_left) - 0.6).abs() < 0.02);
-        let one = Precision { right: Some(0.05), left: None, correlation: None };
+        let one = Precision { right: Some(0.05), ..Precision::default() };
         assert!(one.draws(moduli, 10).iter().all(|draw| draw[1] == 0.2 && draw[0] != 0.3));
         assert!(Precision::default().draws(moduli, 10).is_empty());
     }

@@ -271,36 +271,55 @@ fn precision(compared: &Compared, best: &Point, slopes: &[Option<DVector<f64>>; 
     let Some(inverse) = (jacobian.transpose() * &jacobian).try_inverse() else {
         return Precision::default();
     };
-    let covariance = &inverse * compared.spread(&jacobian, best.misfit) * &inverse;
+    let errors = compared.errors(best.misfit);
+    let covariance = &inverse * compared.spread(&jacobian, &errors) * &inverse;
     let sd = |side: usize| {
         let place = known.iter().position(|&known| known == side)?;
         Some(covariance[(place, place)].max(0.0).sqrt())
     };
     let (right, left) = (sd(Side::Right as usize), sd(Side::Left as usize));
     let both = right.zip(left).map(|(right, left)| (right * left).max(f64::MIN_POSITIVE));
-    Precision { right, left, correlation: both.map(|both| covariance[(0, 1)] / both) }
+    let variance: f64 = errors.iter().map(DMatrix::trace).sum();
+    let square: f64 = errors.iter().map(DMatrix::norm_squared).sum();
+    Precision {
+        right,
+        left,
+        correlation: both.map(|both| covariance[(0, 1)] / both),
+        independent: variance * variance / square.max(f64::MIN_POSITIVE),
+    }
 }
 
 impl Compared {
-    /// JᵀCJ with the covariance C (mm²) of errors whose mean square is `misfit` (mm²) when rigid motions are fitted.
-    fn spread(&self, jacobian: &DMatrix<f64>, misfit: f64) -> DMatrix<f64> {
-        let mut sums = [0.0; 2];
-        let mut spreads = [0, 1].map(|_| DMatrix::zeros(jacobian.ncols(), jacobian.ncols()));
-        let mut at = 0;
-        for shape in &self.shapes {
-            let nodes = shape.points.len();
-            let (own, rigid) = (jacobian.rows(at, nodes), self.rigid.rows(at, nodes));
-            for (n, length_mm) in [CHEST_LENGTH_MM, ALIKE_MM].into_iter().enumerate() {
-                let alike = shape.alike(length_mm);
-                spreads[n] += own.transpose() * &alike * own;
-                // What rigid motions leave of such errors of 1 mm.
-                sums[n] += alike.trace() - (rigid.transpose() * alike * rigid).trace();
+    /// Covariance (mm²) of errors in each pose whose mean square is `misfit` (mm²) when rigid motions are fitted.
+    fn errors(&self, misfit: f64) -> Vec<DMatrix<f64>> {
+        let lengths = [CHEST_LENGTH_MM, ALIKE_MM];
+        let alike = |shape: &Shape| lengths.map(|length_mm| shape.alike(length_mm));
+        let alike: Vec<[DMatrix<f64>; 2]> = self.shapes.iter().map(alike).collect();
+        // What rigid motions leave of such errors of 1 mm.
+        let (mut left, mut at) = ([0.0; 2], 0);
+        for both in &alike {
+            let nodes = both[0].nrows();
+            let rigid = self.rigid.rows(at, nodes);
+            for (sum, one) in left.iter_mut().zip(both) {
+                *sum += one.trace() - (rigid.transpose() * one * rigid).trace();
             }
             at += nodes;
         }
-        let [chest_left, local_left] = sums.map(|sum| (sum / at.max(1) as f64).max(1e-9));
+        let [chest_left, local_left] = left.map(|sum| (sum / at.max(1) as f64).max(1e-9));
         let chest = f64::min(CHEST_MM * CHEST_MM, misfit / chest_left);
         let local = (misfit - chest * chest_left) / local_left;
-        chest * &spreads[0] + local * &spreads[1]
+        alike.into_iter().map(|[far, near]| chest * far + local * near).collect()
+    }
+
+    /// JᵀCJ with the covariances C of the errors of each pose.
+    fn spread(&self, jacobian: &DMatrix<f64>, errors: &[DMatrix<f64>]) -> DMatrix<f64> {
+        let mut sum = DMatrix::zeros(jacobian.ncols(), jacobian.ncols());
+        let mut at = 0;
+        for error in errors {
+            let own = jacobian.rows(at, error.nrows());
+            sum += own.transpose() * error * own;
+            at += error.nrows();
+        }
+        sum
     }
 }
