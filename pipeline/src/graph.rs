@@ -13,6 +13,7 @@ use mammotwin_data::{
 use mammotwin_stages::{
     align::{Align, Start},
     calibrate::{Calibrate, Calibration},
+    clamp::Clamp,
     comfort::Comfort,
     compress::{Compress, Compression},
     deliver::{
@@ -410,10 +411,14 @@ fn squeeze(
         Some(cad) => Some(run.external("compress.cad.file", &cad.file)?),
         None => None,
     };
-    let compress = Compress { model: study.model.clone(), plan: plan.clone().without_files() };
+    let elastic = plan.clone().without_files().without_clamp();
+    let compress = Compress { model: study.model.clone(), plan: elastic };
     let compression = run.stage(label, &compress, (mesh, calibration, cad.as_ref()))?;
     let comfort = Comfort { plan: study.comfort };
     let mut metrics = vec![run.stage(label, &comfort, &compression)?];
+    if let Some(clamp) = &plan.clamp {
+        metrics.push(run.stage(label, &Clamp { plan: clamp.clone() }, &compression)?);
+    }
     let (mut phantom, mut mammograms) = (None, None);
     if let Some(plan) = &study.mammogram {
         let gland = match plan.gland {

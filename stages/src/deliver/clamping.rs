@@ -1,0 +1,111 @@
+//! A compression in time, for `results.h5` and for the report.
+
+use crate::{
+    clamp::ClampCourse,
+    quality::Metrics,
+    report::chart::{Axis, Chart, Line, Mark},
+};
+use mammotwin_data::io::hdf5::{Column, Curve};
+
+/// The course among the numbers of a study; `None` when it follows no time.
+pub fn of(metrics: &[Metrics]) -> Option<&ClampCourse> {
+    metrics.iter().find_map(|part| part.course.as_ref())
+}
+
+/// `/curves/time_course`.
+pub fn curve(course: &ClampCourse) -> Curve {
+    let column = |name: &str, units: &str, long: &str, values: &[f64]| {
+        Column::new(name, units, long, values.to_vec())
+    };
+    Curve {
+        name: "time_course".into(),
+        long_name: "Closing, clamping and opening in time".into(),
+        along: column("time_s", "s", "Time since the first touch", &course.time_s),
+        columns: vec![
+            column("thickness_mm", "mm", "Distance of the plates", &course.thickness_mm),
+            column("breast_mm", "mm", "Thickness of the breast", &course.breast_mm),
+            column("force_n", "N", "Force of the paddle", &course.force_n),
+            column(
+                "elastic_force_n",
+                "N",
+                "Force after endless time at this thickness",
+                &course.elastic_force_n,
+            ),
+            column(
+                "mean_pressure_kpa",
+                "kPa",
+                "Force over the contact area at this thickness",
+                &course.mean_pressure_kpa,
+            ),
+        ],
+    }
+}
+
+/// Force and thickness in time, and the loop of both.
+pub fn charts(course: &ClampCourse) -> Vec<Chart> {
+    let [begin, end] = course.clamp;
+    let points = |x: &[f64], y: &[f64]| -> Vec<(f64, f64)> {
+        x.iter().copied().zip(y.iter().copied()).collect()
+    };
+    let marks = |y: &[f64]| -> Vec<Mark> {
+        [("clamped", begin), ("released", end)]
+            .map(|(name, n)| Mark { name: name.into(), point: (course.time_s[n], y[n]) })
+            .into()
+    };
+    let line = |name: &str, points| Line { name: name.into(), points };
+    let chart = |title: &str, caption: &str, x: &str, y: &str, lines, marks, x_axis| Chart {
+        title: title.into(),
+        caption: caption.into(),
+        x_label: x.into(),
+        y_label: y.into(),
+        lines,
+        marks,
+        x_axis,
+    };
+    let time = &course.time_s;
+    let caption = "One relaxation function for all tissues. Elastic: what the force would come to at this thickness.";
+    let mut all = vec![chart(
+        "Force in time",
+        caption,
+        "time (s)",
+        "force (N)",
+        vec![
+            line("force", points(time, &course.force_n)),
+            line("elastic", points(time, &course.elastic_force_n)),
+        ],
+        marks(&course.force_n),
+        Axis::Rising,
+    )];
+    let mut thickness = vec![line("plates", points(time, &course.thickness_mm))];
+    if course.breast_mm != course.thickness_mm {
+        thickness.push(line("breast", points(time, &course.breast_mm)));
+    }
+    all.push(chart(
+        "Thickness in time",
+        "The breast recovers more slowly than the plates open, and is left behind.",
+        "time (s)",
+        "thickness (mm)",
+        thickness,
+        marks(&course.thickness_mm),
+        Axis::Rising,
+    ));
+    // Until the plates leave the breast: then there is nothing to press on.
+    let part =
+        |from: usize, to: usize| points(&course.breast_mm[from..=to], &course.force_n[from..=to]);
+    let last = course.force_n.len() - 1;
+    let left = (end..=last).find(|n| course.force_n[*n] <= 0.0).unwrap_or(last);
+    all.push(chart(
+        "Closing, clamping and opening",
+        "The area between the lines is the work that the breast does not give back.",
+        "thickness (mm)",
+        "force (N)",
+        vec![
+            line("closing", part(0, begin)),
+            line("clamped", part(begin, end)),
+            line("opening", part(end, left)),
+        ],
+        Vec::new(),
+        Axis::Falling,
+    ));
+    all
+}
