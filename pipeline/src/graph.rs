@@ -74,6 +74,8 @@ pub struct Outcome {
 /// Handles on what was made of one compression.
 #[derive(Debug)]
 pub struct Squeezed {
+    /// Both breasts before any compression.
+    pub mesh: Stored<BreastMesh>,
     /// The compression.
     pub compression: Stored<Compression>,
     /// The phantom, if the study asks for a picture.
@@ -438,7 +440,7 @@ fn squeeze(
         }
         (phantom, mammograms) = (Some(filled), Some(taken));
     }
-    Ok(Squeezed { compression, phantom, mammograms, metrics })
+    Ok(Squeezed { mesh: mesh.clone(), compression, phantom, mammograms, metrics })
 }
 
 pub(crate) fn gravity(name: &str, pose: &Pose) -> Result<mammotwin_data::Vec3, Failure> {

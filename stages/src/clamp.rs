@@ -202,10 +202,10 @@ mod tests {
                     * (1.0 - f64::exp(-rate * closing))
                     * f64::exp(-rate * after)
             };
-            60.0 + part(rates(1.0), 0.690_53) + part(rates(-1.0), 0.309_47)
+            60.0 + part(rates(1.0), 0.690_417) + part(rates(-1.0), 0.309_583)
         };
-        assert!((value(&found, "clamp_force_start_n") / force(7.5) - 1.0).abs() < 1e-4);
-        assert!((value(&found, "clamp_force_end_n") / force(20.3) - 1.0).abs() < 1e-4);
+        assert!((value(&found, "clamp_force_start_n") / force(7.5) - 1.0).abs() < 1e-6);
+        assert!((value(&found, "clamp_force_end_n") / force(20.3) - 1.0).abs() < 1e-6);
         assert!((value(&found, "clamp_instant_stiffness") - 2.0).abs() < 1e-12);
         assert!((value(&found, "clamp_elastic_force_n") - 60.0).abs() < 1e-12);
         let course = found.course.unwrap();

@@ -21,7 +21,11 @@ const CUTS: u32 = 3;
 ///
 /// The fat between and beside the breasts, which the mesh holds too, does not count. `None` when the mesh
 /// is not the one that was compressed, or has no such breast.
-pub fn in_view(mesh: &BreastMesh, compression: &Compression, geometry: &Geometry) -> Option<InView> {
+pub fn in_view(
+    mesh: &BreastMesh,
+    compression: &Compression,
+    geometry: &Geometry,
+) -> Option<InView> {
     let base = mesh.anatomy.breast(compression.side)?;
     let part = crop(&mesh.corners(), compression.side, mesh.anatomy.sternum_x_mm, 0.0).mesh;
     if part.tets != compression.mesh.tets {

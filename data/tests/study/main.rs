@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test may fail at once
 
-use mammotwin_data::study::{InterfaceKind, InterfaceRegion, PaddleName, Study, parse};
+use mammotwin_data::study::{InterfaceKind, InterfaceRegion, PaddleName, Study, designs, parse};
 use proptest::{
     prelude::Rng,
     test_runner::{RngAlgorithm, TestRng},

@@ -33,11 +33,8 @@ pub struct Objective {
     pub wanted: Wanted,
 }
 
-const PRESSURE: Objective = Objective {
-    name: "peak_pressure_kpa",
-    words: "largest pressure (kPa)",
-    wanted: Wanted::Least,
-};
+const PRESSURE: Objective =
+    Objective { name: "peak_pressure_kpa", words: "largest pressure (kPa)", wanted: Wanted::Least };
 const THICKNESS: Objective = Objective {
     name: "nominal_thickness_mm",
     words: "compressed thickness (mm)",
@@ -54,7 +51,8 @@ const TISSUE: Objective =
 /// What is judged: pressure, thickness at the given limit or, where a thickness is given, force, dose where there is
 /// a picture, tissue in view.
 pub fn objectives(stop: &StopPlan, pictured: bool) -> Vec<Objective> {
-    let only_thickness = StopPlan { thickness_mm: stop.thickness_mm, ..StopPlan::default() } == *stop;
+    let only_thickness =
+        StopPlan { thickness_mm: stop.thickness_mm, ..StopPlan::default() } == *stop;
     let mut all = vec![PRESSURE, if only_thickness { FORCE } else { THICKNESS }];
     all.extend(pictured.then_some(DOSE));
     all.push(TISSUE);
@@ -75,9 +73,11 @@ pub struct Way {
 /// One way on one person.
 #[derive(Debug, Clone)]
 pub struct Trial {
+    /// Distance (mm) from her chest wall to the paddle's edge.
+    pub chest_wall_distance_mm: f64,
     /// The objectives' values; NaN where one was not found.
     pub values: Vec<f64>,
-    /// Force (N), thickness (mm) and share of the force near the chest wall, for the table.
+    /// Force (N).
     pub force_n: f64,
     /// Nominal thickness (mm).
     pub thickness_mm: f64,
@@ -91,7 +91,7 @@ pub struct Trial {
 
 impl Trial {
     /// What was found of one way.
-    pub fn of(found: &Found, view: Option<InView>, objectives: &[Objective]) -> Self {
+    pub fn of(way: &Way, found: &Found, view: Option<InView>, objectives: &[Objective]) -> Self {
         let share = view.map_or(f64::NAN, |view| view.share);
         let value = |one: &Objective| match one.name {
             IN_VIEW => share,
@@ -101,6 +101,7 @@ impl Trial {
         let early = found.compression.stopped_early.clone();
         let missed = || met.is_none().then(|| "reached no limit of its stop rule".to_owned());
         Self {
+            chest_wall_distance_mm: way.plan.chest_wall_distance_mm,
             values: objectives.iter().map(value).collect(),
             force_n: found.metric("force_n"),
             thickness_mm: found.metric("nominal_thickness_mm"),
@@ -111,8 +112,9 @@ impl Trial {
     }
 
     /// A way that could not be gone.
-    pub fn failed(why: String, objectives: &[Objective]) -> Self {
+    pub fn failed(way: &Way, why: String, objectives: &[Objective]) -> Self {
         Self {
+            chest_wall_distance_mm: way.plan.chest_wall_distance_mm,
             values: vec![f64::NAN; objectives.len()],
             force_n: f64::NAN,
             thickness_mm: f64::NAN,
@@ -124,7 +126,8 @@ impl Trial {
 
     /// Values of which small ones are wanted; NaN of what does not count.
     fn costs(&self, objectives: &[Objective]) -> Vec<f64> {
-        let cost = |(value, objective): (&f64, &Objective)| match (&self.why_not, objective.wanted) {
+        let cost = |(value, objective): (&f64, &Objective)| match (&self.why_not, objective.wanted)
+        {
             (Some(_), _) => f64::NAN,
             (None, Wanted::Least) => *value,
             (None, Wanted::Most) => -value,
@@ -206,9 +209,13 @@ mod tests {
 
     fn person(trials: &[(f64, f64, Option<&str>)], objectives: &[Objective]) -> Person {
         let trial = |&(pressure, view, why): &(f64, f64, Option<&str>)| Trial {
+            chest_wall_distance_mm: 15.0,
             values: vec![pressure, view],
+            force_n: f64::NAN,
+            thickness_mm: f64::NAN,
+            in_view_cm3: f64::NAN,
+            ended_by: None,
             why_not: why.map(String::from),
-            ..Trial::failed(String::new(), objectives)
         };
         Person::of("a".into(), trials.iter().map(trial).collect(), objectives)
     }
@@ -224,7 +231,10 @@ mod tests {
         let b = person(&found.map(|(p, view, why)| (2.0 * p, view, why)), &wanted);
         let all = overall(4, &[a, b], &wanted);
         assert!((all[1].over_first[0] - 0.8).abs() < 1e-12);
-        assert_eq!(all.iter().map(|one| one.on_front).collect::<Vec<_>>(), [true, true, false, false]);
+        assert_eq!(
+            all.iter().map(|one| one.on_front).collect::<Vec<_>>(),
+            [true, true, false, false]
+        );
         assert_eq!((all[0].fronts, all[2].fronts, all[3].persons), (2, 0, 0));
         assert!(all[3].over_first[0].is_nan());
     }

@@ -11,7 +11,8 @@ fn cell(value: f64) -> String {
 
 /// One row for each way on each person.
 pub fn designs_csv(ways: &[Way], persons: &[Person], objectives: &[Objective]) -> String {
-    let mut text = String::from("volunteer,way,design,paddle,chest_wall_distance_mm,ended_by,on_front");
+    let mut text =
+        String::from("volunteer,way,design,paddle,chest_wall_distance_mm,ended_by,on_front");
     for objective in objectives {
         // Writing to a string does not fail.
         let _ = write!(text, ",{}", objective.name);
@@ -21,7 +22,7 @@ pub fn designs_csv(ways: &[Way], persons: &[Person], objectives: &[Objective]) -
         for ((way, trial), on_front) in ways.iter().zip(&person.trials).zip(&person.on_front) {
             let (label, design, paddle) = (&way.label, &way.design, way.plan.paddle.name());
             let (distance, met) =
-                (way.plan.chest_wall_distance_mm, trial.ended_by.as_deref().unwrap_or_default());
+                (trial.chest_wall_distance_mm, trial.ended_by.as_deref().unwrap_or_default());
             let _ = write!(
                 text,
                 "{},{label},{design},{paddle},{distance},{met},{}",
@@ -42,22 +43,15 @@ pub fn designs_csv(ways: &[Way], persons: &[Person], objectives: &[Objective]) -
 
 /// One row for each way, over all persons.
 pub fn summary_csv(ways: &[Way], all: &[Overall], objectives: &[Objective]) -> String {
-    let mut text = String::from(
-        "way,design,paddle,chest_wall_distance_mm,on_front,fronts_of_volunteers,volunteers",
-    );
+    let mut text = String::from("way,design,paddle,on_front,fronts_of_volunteers,volunteers");
     for objective in objectives {
         let _ = write!(text, ",{}_over_first", objective.name);
     }
     text.push('\n');
     for (way, one) in ways.iter().zip(all) {
         let (label, design, paddle) = (&way.label, &way.design, way.plan.paddle.name());
-        let distance = way.plan.chest_wall_distance_mm;
         let on_front = u8::from(one.on_front);
-        let _ = write!(
-            text,
-            "{label},{design},{paddle},{distance},{on_front},{},{}",
-            one.fronts, one.persons
-        );
+        let _ = write!(text, "{label},{design},{paddle},{on_front},{},{}", one.fronts, one.persons);
         for value in &one.over_first {
             let _ = write!(text, ",{}", cell(*value));
         }

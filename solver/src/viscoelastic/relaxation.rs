@@ -22,7 +22,7 @@ impl Relaxation {
     /// Times are positive and differ, shares are positive; shares of zero are left out.
     ///
     /// The Carson transforms of compliance and relaxation are reciprocal, G* = (1 + Σ cᵢ)/D with
-    /// D(s) = 1 + Σ cᵢ/(1 + s Tᵢ) (Tschoegl 1989, ch. 3). The rates of relaxation are the roots of D(-r): one lies between each 1/Tᵢ
+    /// D(s) = 1 + Σ cᵢ/(1 + s Tᵢ) (Tschoegl 1989). The rates of relaxation are the roots of D(-r): one lies between each 1/Tᵢ
     /// and the next, the last one below (1 + Σ cᵢ)/T of the shortest T.
     pub fn of_creep(creep: &[Decay]) -> Self {
         let mut terms: Vec<Decay> = creep.iter().copied().filter(|c| c.share > 0.0).collect();

@@ -3,7 +3,10 @@
 use crate::{
     clamp::ClampCourse,
     quality::Metrics,
-    report::chart::{Axis, Chart, Line, Mark},
+    report::{
+        Fact,
+        chart::{Axis, Chart, Line, Mark},
+    },
 };
 use mammotwin_data::io::hdf5::{Column, Curve};
 
@@ -39,6 +42,13 @@ pub fn curve(course: &ClampCourse) -> Curve {
             ),
         ],
     }
+}
+
+/// What clamping does, in a line.
+pub fn fact(course: &ClampCourse) -> Fact {
+    let [from, to] = course.clamp.map(|n| course.force_n[n]);
+    let [start, end] = course.clamp.map(|n| course.time_s[n]);
+    Fact::new("Clamped", format!("{:.1} s, {from:.2} N to {to:.2} N", end - start))
 }
 
 /// Force and thickness in time, and the loop of both.

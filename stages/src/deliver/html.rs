@@ -91,6 +91,7 @@ impl Stage for Report {
         }
         if let (Some(part), Some(course)) = (&mut input.compression, clamping::of(metrics)) {
             part.curves.extend(clamping::charts(course));
+            part.facts.push(clamping::fact(course));
             input.methods.push(clamp::Clamp::METHODS.into());
         }
         if !calibration.converged {

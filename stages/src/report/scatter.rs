@@ -102,7 +102,11 @@ fn draw<'a>(svg: &'a mut String, scatter: &Scatter) -> Drawn<'a, Vec<Hit>> {
     let mut line = 44;
     let mut entry = |name: &str, shape: usize, fill: Fill, color: &RGBColor| -> Drawn<'a> {
         mark(&legend, (24, line), shape, fill, color)?;
-        legend.draw(&Text::new(name.to_owned(), (48, line - 12), ("sans-serif", 27, &INK)))?;
+        legend.draw(&Text::new(
+            name.to_owned(),
+            (48, line - 12),
+            ("sans-serif", 27).into_font().color(&INK),
+        ))?;
         line += 38;
         Ok(())
     };
