@@ -161,7 +161,7 @@ fn designs_are_judged(study: &str, folder: &Path) {
 
     for (more, code, says) in [
         (&["--force-n", "2", "--thickness-mm", "46"][..], 2, "cannot be used with"),
-        (&["--force-n", "-1"], 2, "--force-n"),
+        (&["--force-n", "0"], 2, "--force-n: give more than 0"),
         (&["--paddles", "rigid,soft"], 2, "there are"),
     ] {
         let refused = mammotwin(&[&["study", "designs", study], more].concat());

@@ -58,7 +58,7 @@ pub fn charts(course: &ClampCourse) -> Vec<Chart> {
         x.iter().copied().zip(y.iter().copied()).collect()
     };
     let marks = |y: &[f64]| -> Vec<Mark> {
-        [("clamped", begin), ("released", end)]
+        [("clamping begins", begin), ("release begins", end)]
             .map(|(name, n)| Mark { name: name.into(), point: (course.time_s[n], y[n]) })
             .into()
     };
@@ -72,7 +72,12 @@ pub fn charts(course: &ClampCourse) -> Vec<Chart> {
         marks,
         x_axis,
     };
+    // Every second moment: dots would touch.
+    let thinned = |points: Vec<(f64, f64)>| points.into_iter().step_by(2).collect::<Vec<_>>();
     let time = &course.time_s;
+    let last = course.force_n.len() - 1;
+    // From there on the plates are off the breast, and nothing presses.
+    let left = (end..=last).find(|n| course.force_n[*n] <= 0.0).unwrap_or(last);
     let caption = "One relaxation function for all tissues. Elastic: what the force would come to at this thickness.";
     let mut all = vec![chart(
         "Force in time",
@@ -80,30 +85,27 @@ pub fn charts(course: &ClampCourse) -> Vec<Chart> {
         "time (s)",
         "force (N)",
         vec![
-            line("force", points(time, &course.force_n)),
-            line("elastic", points(time, &course.elastic_force_n)),
+            line("force", thinned(points(time, &course.force_n))),
+            line("elastic", thinned(points(&time[..=left], &course.elastic_force_n[..=left]))),
         ],
         marks(&course.force_n),
         Axis::Rising,
     )];
-    let mut thickness = vec![line("plates", points(time, &course.thickness_mm))];
-    if course.breast_mm != course.thickness_mm {
-        thickness.push(line("breast", points(time, &course.breast_mm)));
+    let mut thickness = vec![line("plates", thinned(points(time, &course.thickness_mm)))];
+    if left < last {
+        thickness.push(line("breast", points(&time[left..], &course.breast_mm[left..])));
     }
     all.push(chart(
         "Thickness in time",
-        "The breast recovers more slowly than the plates open, and is left behind.",
+        "A breast that recovers more slowly than the plates open is left behind.",
         "time (s)",
         "thickness (mm)",
         thickness,
         marks(&course.thickness_mm),
         Axis::Rising,
     ));
-    // Until the plates leave the breast: then there is nothing to press on.
     let part =
         |from: usize, to: usize| points(&course.breast_mm[from..=to], &course.force_n[from..=to]);
-    let last = course.force_n.len() - 1;
-    let left = (end..=last).find(|n| course.force_n[*n] <= 0.0).unwrap_or(last);
     all.push(chart(
         "Closing, clamping and opening",
         "The area between the lines is the work that the breast does not give back.",
