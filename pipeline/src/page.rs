@@ -22,6 +22,8 @@ pub const FIGURES_AND_TABLES: &str = "table{border-collapse:collapse;font-size:1
 
 /// A number of a table, with three digits or more.
 pub fn number(value: f64) -> String {
+    // No minus before a zero.
+    let value = if value.abs() < 5e-4 { 0.0 } else { value };
     match value.abs() {
         _ if !value.is_finite() => "–".into(),
         size if size >= 100.0 => format!("{value:.0}"),

@@ -1,6 +1,6 @@
 //! Designs as one page that needs no other file.
 
-use super::{Objective, Overall, Person, Trial, Wanted, Way};
+use super::{FORCE, Objective, Overall, Person, Trial, Wanted, Way};
 use crate::page::{FIGURES_AND_TABLES, begin, number};
 use mammotwin_stages::report::{
     escaped,
@@ -30,11 +30,11 @@ pub fn page(
     let mut html = begin("Designs of paddles, compared", &names.join(", "), FIGURES_AND_TABLES);
     let first = ways.first().map_or("", |way| way.label.as_str());
     // Writing to a string does not fail.
-    let _ = write!(
+    let _ = writeln!(
         html,
         "<p>● lies on the Pareto front: nothing else is as good in every column and better in one. Of {} \
          much is wanted, of the others little; the darker a cell, the better in its column. \
-         Differences are those of one mesh each: such of a few per cent may be the mesh's.</p>\n",
+         Differences are those of one mesh each: such of a few per cent may be the mesh's.</p>",
         objectives
             .iter()
             .filter(|o| o.wanted == Wanted::Most)
@@ -42,6 +42,10 @@ pub fn page(
             .collect::<Vec<_>>()
             .join(", ")
     );
+    if objectives.contains(&FORCE) {
+        html += "<p>The thickness that is given is the distance of the plates. Under a paddle that rises, bends or tilts the \
+                 breast is thicker elsewhere: a given force (--force-n) compares more fairly.</p>\n";
+    }
     let figures = figures(ways, persons, all, objectives);
     if persons.len() > 1 {
         let _ = writeln!(
@@ -133,10 +137,14 @@ fn overall_table(
 fn person_table(ways: &[Way], person: &Person, objectives: &[Objective]) -> String {
     let mut head = vec!["way".to_owned(), "front".into()];
     head.extend(objectives.iter().map(|o| o.words.to_owned()));
-    head.extend(["force (N)", "thickness (mm)", "in view (cm³)", "remark"].map(String::from));
+    // What ended the compression is alike for all; the other one of force and thickness is an objective.
+    let judged_by_force = objectives.contains(&FORCE);
+    let given = if judged_by_force { "thickness (mm)" } else { "force (N)" };
+    head.extend([given, "in view (cm³)", "remark"].map(String::from));
     let trials = ways.iter().zip(&person.trials).zip(&person.on_front);
     let row = |((way, trial), on_front): ((&Way, &Trial), &bool)| {
-        let more = [trial.force_n, trial.thickness_mm, trial.in_view_cm3].map(number);
+        let given = if judged_by_force { trial.thickness_mm } else { trial.force_n };
+        let more = [given, trial.in_view_cm3].map(number);
         let remark = trial.why_not.as_ref().map(|why| format!("does not count: {why}"));
         let after = [&more[..], &[remark.unwrap_or_default()]].concat();
         // What does not count shades no cell.

@@ -6,6 +6,8 @@ use std::fmt::Write;
 
 /// A number with six digits after the point; empty where there is none.
 fn cell(value: f64) -> String {
+    // No minus before a zero.
+    let value = if value.abs() < 5e-7 { 0.0 } else { value };
     if value.is_finite() { format!("{value:.6}") } else { String::new() }
 }
 

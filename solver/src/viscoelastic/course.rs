@@ -178,7 +178,7 @@ impl<'a> Walk<'a> {
         let force_mn = if breast_mm < plates_mm { 0.0 } else { self.memory.force().max(0.0) };
         let elastic_mn = self.memory.elastic();
         self.now = Instant { time_s, plates_mm, breast_mm, force_mn, elastic_mn };
-        if n % STEPS == 0 {
+        if n.is_multiple_of(STEPS) {
             self.instants.push(self.now);
         }
     }
