@@ -24,4 +24,4 @@ pub mod unload;
 pub mod viscoelastic;
 
 pub use model::{Model, ModelError};
-pub use solve::{Options, SolveError, solve};
+pub use solve::{Options, SolveError, solve, solve_near};

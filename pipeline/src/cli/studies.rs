@@ -85,11 +85,13 @@ pub struct CalibrationArguments {
 }
 
 const DESIGNS_HELP: &str = "\
-Presses every breast with every paddle at every distance from the chest wall, until a force or a thickness that is the
-same for all, and judges: largest pressure, compressed thickness (at a given thickness: force), average glandular dose,
-share of the breast in the picture. What nothing beats in all of them is the Pareto front, of each volunteer and of the
-medians over all, each over the first paddle at the first distance. Results that are there are used again: a study
-that was cut short goes on where it ended. A file of designs has a table [NAME] each, with paddle and its own table as in [compress]:
+Presses every breast with every paddle at every distance from the chest wall, until a force or a
+thickness that is the same for all, and judges: largest pressure, compressed thickness (at a given
+thickness: force), average glandular dose, share of the breast in the picture. What nothing beats
+in all of them is the Pareto front, of each volunteer and of the medians over all, each over the
+first paddle at the first distance. Results that are there are used again: a study that was cut
+short goes on where it ended. A file of designs has a table [NAME] each, with paddle and its own
+table as in [compress]:
 
   [soft]
   paddle = \"cushion\"
@@ -97,7 +99,7 @@ that was cut short goes on where it ended. A file of designs has a table [NAME] 
 
 Examples:
   mammotwin study designs study.toml --paddles rigid,flex,curved --force-n 2
-  mammotwin study designs --preset tiny --seeds 7,8 --designs designs.toml --distances 15,12 --out runs/designs";
+  mammotwin study designs --seeds 7,8 --designs designs.toml --distances 15,12";
 
 /// The study of designs.
 #[derive(Debug, Clone, Args)]

@@ -85,6 +85,7 @@ fn volunteers(arguments: &DesignsArguments) -> Result<Vec<PathBuf>, Failure> {
             hidden: BTreeMap::new(),
             still: false,
             elements: None,
+            truth_mm: None,
             out_dir: arguments.out.join(format!("{}-{seed}", arguments.preset)),
         })?);
     }
