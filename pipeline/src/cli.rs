@@ -5,8 +5,9 @@ mod studies;
 
 pub use models::{BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments};
 pub use studies::{
-    CalibrationArguments, PaddlesArguments, PositionsArguments, SearchBoxArguments,
-    SegmentationArguments, SensitivityArguments, StiffeningArguments, StudyCommand,
+    CalibrationArguments, DesignsArguments, PaddlesArguments, PositionsArguments,
+    SearchBoxArguments, SegmentationArguments, SensitivityArguments, StiffeningArguments,
+    StudyCommand,
 };
 
 use clap::{Args, Parser, Subcommand, ValueEnum};

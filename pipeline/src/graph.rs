@@ -13,6 +13,7 @@ use mammotwin_data::{
 use mammotwin_stages::{
     align::{Align, Start},
     calibrate::{Calibrate, Calibration},
+    clamp::Clamp,
     comfort::Comfort,
     compress::{Compress, Compression},
     deliver::{
@@ -73,6 +74,8 @@ pub struct Outcome {
 /// Handles on what was made of one compression.
 #[derive(Debug)]
 pub struct Squeezed {
+    /// Both breasts before any compression.
+    pub mesh: Stored<BreastMesh>,
     /// The compression.
     pub compression: Stored<Compression>,
     /// The phantom, if the study asks for a picture.
@@ -434,10 +437,14 @@ fn squeeze(
         Some(cad) => Some(run.external("compress.cad.file", &cad.file)?),
         None => None,
     };
-    let compress = Compress { model: study.model.clone(), plan: plan.clone().without_files() };
+    let elastic = plan.clone().without_files().without_clamp();
+    let compress = Compress { model: study.model.clone(), plan: elastic };
     let compression = run.stage(label, &compress, (mesh, calibration, cad.as_ref()))?;
     let comfort = Comfort { plan: study.comfort };
     let mut metrics = vec![run.stage(label, &comfort, &compression)?];
+    if let Some(clamp) = &plan.clamp {
+        metrics.push(run.stage(label, &Clamp { plan: clamp.clone() }, &compression)?);
+    }
     let (mut phantom, mut mammograms) = (None, None);
     if let Some(plan) = &study.mammogram {
         let gland = match plan.gland {
@@ -457,7 +464,7 @@ fn squeeze(
         }
         (phantom, mammograms) = (Some(filled), Some(taken));
     }
-    Ok(Squeezed { compression, phantom, mammograms, metrics })
+    Ok(Squeezed { mesh: mesh.clone(), compression, phantom, mammograms, metrics })
 }
 
 pub(crate) fn gravity(name: &str, pose: &Pose) -> Result<mammotwin_data::Vec3, Failure> {

@@ -17,6 +17,7 @@ pub mod bids;
 pub mod cli;
 pub mod commands;
 pub mod comparison;
+pub mod designs;
 pub mod display;
 pub mod estimates;
 pub mod graph;

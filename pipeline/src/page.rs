@@ -13,6 +13,42 @@ pub fn begin(title: &str, subject: &str, style: &str) -> String {
     )
 }
 
+/// Style of pages with tables of numbers and figures beside each other.
+pub const FIGURES_AND_TABLES: &str = "table{border-collapse:collapse;font-size:14px;margin:1em 0}\
+     th,td{padding:.25em .6em;border-bottom:1px solid #ddd;text-align:right}\
+     th:first-child,td:first-child{text-align:left}figure{display:inline-block;margin:.5em;\
+     vertical-align:top}figure svg{width:520px;height:auto}\
+     figcaption{font-size:13px;color:#555;max-width:520px}";
+
+/// A number of a table, with three digits or more.
+pub fn number(value: f64) -> String {
+    // No minus before a zero.
+    let value = if value.abs() < 5e-4 { 0.0 } else { value };
+    match value.abs() {
+        _ if !value.is_finite() => "–".into(),
+        size if size >= 100.0 => format!("{value:.0}"),
+        size if size >= 10.0 => format!("{value:.1}"),
+        size if size >= 1.0 => format!("{value:.2}"),
+        _ => format!("{value:.3}"),
+    }
+}
+
+/// A table of texts under their headings.
+pub fn table(head: &[String], rows: &[Vec<String>]) -> String {
+    let cells = |tag: &str, row: &[String]| {
+        let cell = |text: &String| format!("<{tag}>{}</{tag}>", escaped(text));
+        format!("<tr>{}</tr>\n", row.iter().map(cell).collect::<String>())
+    };
+    let body: String = rows.iter().map(|row| cells("td", row)).collect();
+    format!("<table>\n{}{body}</table>\n", cells("th", head))
+}
+
+/// A value of a CSV file in quotes, on one line.
+pub fn quoted(text: &str) -> String {
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    format!("\"{}\"", line.replace('"', "\"\""))
+}
+
 /// The median of values; `None` of none.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);

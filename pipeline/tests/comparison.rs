@@ -1,4 +1,4 @@
-//! `study paddles` and `study positions` on the tiny volunteer, from outside.
+//! `study paddles`, `study positions` and `study designs` on the tiny volunteer, from outside.
 
 #![allow(clippy::unwrap_used)] // a test may fail at once
 
@@ -81,6 +81,30 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
     assert!(said.starts_with("0 of "), "{said}");
     assert_eq!(fs::read(place.join("paddles.csv")).unwrap(), before);
 
+    // Clamping needs no other compression, and follows it in time.
+    let text = fs::read_to_string(study).unwrap();
+    fs::write(
+        study,
+        text.replace("paddle = \"rigid\"", "clamp = { clamp_s = 5.0 }\npaddle = \"rigid\""),
+    )
+    .unwrap();
+    let said = printed(&paddles);
+    assert!(said.starts_with("3 of "), "{said}");
+    let table = rows(&place.join("paddles.csv"));
+    let course = lines(&place.join("time_courses.csv"));
+    for way in ["rigid", "elastic", "curved"] {
+        let number = |name: &str| table[way][name].parse::<f64>().unwrap();
+        let [start, end] = ["clamp_force_start_n", "clamp_force_end_n"].map(number);
+        assert!(start > end && end > number("force_n"), "{way}: {start} {end}");
+        assert!(number("force_n") / number("clamp_elastic_force_n") > 0.999);
+        let own: Vec<_> = course.iter().filter(|line| line["way"] == way).collect();
+        let last = |name: &str| own.last().unwrap()[name].parse::<f64>().unwrap();
+        assert_eq!((last("time_s"), last("force_n")), (14.5, 0.0), "{way}");
+        assert!(last("breast_mm") < last("thickness_mm"), "{way}");
+    }
+
+    designs_are_judged(study, folder.path());
+
     // One distance is too far: it is named, the others are found.
     let said = printed(&[
         "study",
@@ -99,6 +123,61 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
     let unknown = mammotwin(&["study", "paddles", study, "--paddles", "soft"]);
     assert_eq!(unknown.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&unknown.stderr).contains("rigid, flex, elastic"));
+}
+
+/// Designs of the same breast: what is there is taken, what nothing beats is marked.
+fn designs_are_judged(study: &str, folder: &Path) {
+    let designs = folder.join("designs.toml");
+    fs::write(&designs, "[soft]\npaddle = \"cushion\"\ncushion = { young_kpa = 5.0 }\n").unwrap();
+    let out = folder.join("designs");
+    let [file, place] = [&designs, &out].map(|path| path.to_str().unwrap());
+    let asked = ["study", "designs", study, "--paddles", "rigid,curved", "--no-picture"];
+    let asked = [&asked[..], &["--designs", file, "--out", place]].concat();
+    let said = printed(&asked);
+    assert!(said.starts_with("3 of "), "{said}");
+    assert!(printed(&asked).starts_with("0 of "));
+    let table = lines(&out.join("designs.csv"));
+    let number = |n: usize, name: &str| table[n][name].parse::<f64>().unwrap();
+    assert_eq!(table.len(), 3);
+    for (n, way) in ["rigid", "curved", "soft"].iter().enumerate() {
+        assert_eq!(
+            (table[n]["way"].as_str(), table[n]["ended_by"].as_str()),
+            (*way, "thickness_mm")
+        );
+        let costs = |n: usize| {
+            [number(n, "peak_pressure_kpa"), number(n, "force_n"), -number(n, "in_view_share")]
+        };
+        let beaten = (0..3).any(|other| {
+            let pairs = || costs(other).into_iter().zip(costs(n));
+            pairs().all(|(a, b)| a <= b) && pairs().any(|(a, b)| a < b)
+        });
+        assert_eq!(table[n]["on_front"] == "0", beaten, "{way}: {said}");
+        assert!((0.02..0.98).contains(&number(n, "in_view_share")), "{way}");
+    }
+    // Foam presses softer than the plate it lies on.
+    assert!(number(2, "peak_pressure_kpa") < number(0, "peak_pressure_kpa"));
+    let page = fs::read_to_string(out.join("designs.html")).unwrap();
+    assert!(page.matches("<svg").count() == 2 && page.contains("●"), "{page}");
+
+    for (more, code, says) in [
+        (&["--force-n", "2", "--thickness-mm", "46"][..], 2, "cannot be used with"),
+        (&["--force-n", "0"], 2, "--force-n: give more than 0"),
+        (&["--paddles", "rigid,soft"], 2, "there are"),
+    ] {
+        let refused = mammotwin(&[&["study", "designs", study], more].concat());
+        assert_eq!(refused.status.code(), Some(code));
+        assert!(String::from_utf8_lossy(&refused.stderr).contains(says), "{refused:?}");
+    }
+    fs::write(&designs, "[soft]\npaddle = \"cushion\"\ncushion = { young_kpa = 0.0 }\n").unwrap();
+    let refused = mammotwin(&asked);
+    assert_eq!(refused.status.code(), Some(65));
+    let text = String::from_utf8_lossy(&refused.stderr);
+    assert!(
+        text.contains("designs.toml") && text.contains("line 3: soft.cushion.young_kpa"),
+        "{text}"
+    );
+    let refused = mammotwin(&["study", "designs"]);
+    assert_eq!(refused.status.code(), Some(2));
 }
 
 /// Lines of a table, cell by cell under the heading.

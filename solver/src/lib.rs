@@ -21,6 +21,7 @@ pub mod sensitivity;
 pub mod solve;
 pub mod terms;
 pub mod unload;
+pub mod viscoelastic;
 
 pub use model::{Model, ModelError};
 pub use solve::{Options, SolveError, solve, solve_near};

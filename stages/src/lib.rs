@@ -6,6 +6,7 @@
 pub mod align;
 pub mod artifact;
 pub mod calibrate;
+pub mod clamp;
 pub mod comfort;
 pub mod compress;
 pub mod deliver;
@@ -13,6 +14,7 @@ pub mod discover;
 pub mod effects;
 pub mod gland;
 pub mod image_chain;
+pub mod in_view;
 pub mod load_steps;
 pub mod mammogram;
 pub mod mesh;

@@ -2,6 +2,7 @@
 
 use crate::{
     artifact::{load_json, save_json},
+    clamp::ClampCourse,
     mammogram::Mammograms,
     phantom::CompressedPhantom,
 };
@@ -31,6 +32,9 @@ pub struct Metrics {
     /// Regions of interest of each picture, where the numbers come from such.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub regions: Vec<PictureRegions>,
+    /// A compression in time, where the numbers come from one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub course: Option<ClampCourse>,
 }
 
 /// Regions of interest of one picture.
@@ -142,6 +146,6 @@ impl Stage for Quality {
                 metric.thesis = Some(THESIS_AGD_MGY);
             }
         }
-        Ok(Metrics { metrics, regions: measured })
+        Ok(Metrics { metrics, regions: measured, ..Metrics::default() })
     }
 }

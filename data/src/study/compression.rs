@@ -1,6 +1,8 @@
 //! The compression in a study: paddle, view, position, law, and what ends it.
 
-use super::{BiopsyPlan, CadPlan, CushionPlan, LawConstants, LawName, OutlinePlan, SpotPlan};
+use super::{
+    BiopsyPlan, CadPlan, ClampPlan, CushionPlan, LawConstants, LawName, OutlinePlan, SpotPlan,
+};
 use crate::labels::Side;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -260,6 +262,9 @@ pub struct CompressPlan {
     /// Coulomb friction between skin and plates.
     #[serde(default)]
     pub friction: f64,
+    /// Clamping and release in time; the compression ends at its stop rule when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clamp: Option<ClampPlan>,
 }
 
 /// Angle (degrees) of an oblique compression of which none is given.
@@ -282,6 +287,11 @@ impl CompressPlan {
     pub fn without_files(self) -> Self {
         let cad = self.cad.map(|_| CadPlan { file: PathBuf::new() });
         Self { cad, ..self }
+    }
+
+    /// The same compression without what comes after its stop.
+    pub fn without_clamp(self) -> Self {
+        Self { clamp: None, ..self }
     }
 
     /// Angle (degrees) between the direction of this compression and the cranio-caudal one.

@@ -3,21 +3,26 @@
 //! Unknown keys are refused by serde; `validate` refuses implausible values. Paths are relative
 //! to the folder of the study file.
 
+mod clamp;
 mod compression;
+mod design;
 mod interface;
 mod law;
 mod locate;
 mod mammogram;
 mod paddles;
 mod validate;
+mod validate_clamp;
 mod validate_mammogram;
 mod validate_paddles;
 mod wording;
 
+pub use clamp::{ClampPlan, HeldName, MeasuredIn};
 pub use compression::{
     ComfortPlan, CompressLaw, CompressPlan, CurvePlan, GimbalPlan, HingePlan, MLO_ANGLE_DEG,
     PaddleName, PlatePlan, PlateSupport, StopPlan, View,
 };
+pub use design::{DesignPlan, designs};
 pub use interface::{InterfaceKind, InterfacePlan, InterfaceRegion, RegionPlan};
 pub use law::{BadConstant, LawConstants, LawName, OgdenTerms};
 pub use mammogram::{

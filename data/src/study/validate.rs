@@ -2,7 +2,8 @@
 
 use super::{
     ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, ModelPlan, Pose, RegionPlan,
-    Study, Use, View, locate::Places, validate_mammogram, validate_paddles, wording,
+    Study, Use, View, locate::Places, validate_clamp, validate_mammogram, validate_paddles,
+    wording,
 };
 use std::ops::Range;
 
@@ -75,8 +76,8 @@ pub fn parse(text: &str) -> Result<Study, StudyError> {
 }
 
 pub(super) struct Refusal {
-    path: String,
-    why: String,
+    pub path: String,
+    pub why: String,
 }
 
 pub(super) type Checked = Result<(), Refusal>;
@@ -246,6 +247,7 @@ fn compress(plan: &CompressPlan) -> Checked {
         within("compress.view_angle_deg", angle, 20.0, 90.0)?;
     }
     validate_paddles::paddle(plan)?;
+    plan.clamp.as_ref().map_or(Ok(()), validate_clamp::clamp)?;
     poisson("compress.law.poisson", plan.law.poisson)?;
     law("compress.law", plan.law.name, plan.law.jm, &plan.law.constants)
 }
@@ -319,7 +321,7 @@ fn known(path: &str, names: &[String], known: &[&str]) -> Checked {
 }
 
 /// A name that becomes part of a file's name.
-fn plain_name(path: &str, name: &str) -> Checked {
+pub(super) fn plain_name(path: &str, name: &str) -> Checked {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
     if !name.is_empty() && name.len() <= 64 && name.chars().all(plain) {
         return Ok(());

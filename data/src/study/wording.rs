@@ -3,7 +3,7 @@
 use super::{locate::Places, validate::StudyError};
 
 /// Units that a key may end in.
-const UNITS: [&str; 26] = [
+const UNITS: [&str; 29] = [
     "pa",
     "hpa",
     "kpa",
@@ -24,6 +24,9 @@ const UNITS: [&str; 26] = [
     "kev",
     "mev",
     "deg",
+    "s",
+    "ms",
+    "min",
     "rad",
     "percent",
     "g_per_cm3",

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // a test may fail at once
 
-use mammotwin_data::study::{InterfaceKind, InterfaceRegion, PaddleName, Study, parse};
+use mammotwin_data::study::{InterfaceKind, InterfaceRegion, PaddleName, Study, designs, parse};
 use proptest::{
     prelude::Rng,
     test_runner::{RngAlgorithm, TestRng},
@@ -163,6 +163,31 @@ fn the_chest_wall_has_a_contact_for_each_region() {
 }
 
 #[test]
+fn designs_of_paddles_change_what_belongs_to_them() {
+    let plan = parse(GOOD).unwrap().compress.unwrap();
+    let text = "[soft]\npaddle = \"cushion\"\ncushion = { young_kpa = 20.0 }\n\
+                [\"hard-hinge\"]\npaddle = \"flex\"\nhinge = { linear_n_mm_per_rad = 1e5 }\nfriction = 0.2\n";
+    let made = designs(text, &plan).unwrap();
+    assert_eq!(made.keys().collect::<Vec<_>>(), ["hard-hinge", "soft"]);
+    let soft = &made["soft"];
+    assert_eq!(soft.cushion.unwrap().young_kpa, 20.0);
+    assert_eq!((soft.stop, soft.friction), (plan.stop, plan.friction));
+    assert_eq!((made["hard-hinge"].friction, made["hard-hinge"].cushion), (0.2, None));
+    for (text, says) in [
+        ("[soft]\npaddle = \"foam\"\n", "\"foam\" is not known"),
+        ("[soft]\npadle = \"flex\"\n", "did you mean `paddle`"),
+        ("[soft]\npaddle = \"flex\"\ncushion = {}\n", "line 3: soft.cushion: only a cushion"),
+        ("[soft]\npaddle = \"cushion\"\ncushion = { young_kpa = 0.0 }\n", "soft.cushion.young_kpa"),
+        ("[soft]\nfriction = 3.0\n", "line 2: soft.friction"),
+        ("[\"a b\"]\n", "is not a name"),
+        ("[c]\npaddle = \"cad\"\n", "line 2: c.paddle"),
+    ] {
+        let refused = designs(text, &plan).unwrap_err().to_string();
+        assert!(refused.contains(says), "{refused:?} does not say {says:?}");
+    }
+}
+
+#[test]
 fn compressions_say_how_they_end_and_under_what() {
     let stop = "stop = { thickness_mm = 46.0 }";
     let with = |to: &str| parse(&GOOD.replacen(stop, to, 1)).unwrap().compress.unwrap();
@@ -175,6 +200,26 @@ fn compressions_say_how_they_end_and_under_what() {
     refused(stop, "stop = { force_n = -1.0 }", &["compress.stop.force_n"]);
     refused(stop, "stop = { peak_pressure_kpa = nan }", &["compress.stop.peak_pressure_kpa"]);
     refused(stop, "stop = { pressure_kpa = 1.0 }", &["compress.stop", "unknown key"]);
+
+    let clamped = |clamp: &str| format!("{stop}\nclamp = {{ {clamp} }}");
+    assert_eq!(with(stop).clamp, None);
+    let plan = with(&clamped("clamp_s = 5.0, held = \"force\"")).clamp.unwrap();
+    assert_eq!((plan.ramp_s, plan.clamp_s, &plan.times_s[..]), (7.5, 5.0, &[3.2, 42.0][..]));
+    for (clamp, says) in [
+        ("ramp_s = 0.0", "clamp.ramp_s"),
+        ("clamp_s = -1.0", "clamp.clamp_s"),
+        ("release_s = nan", "clamp.release_s"),
+        ("clamp_ms = 5.0", "name it `clamp_s`"),
+        ("held = \"pressure\"", "clamp.held"),
+        ("times_s = []", "give one to 8"),
+        ("times_s = [42.0, 3.2]", "clamp.times_s[1]: 3.2 follows 42"),
+        ("times_s = [3.2, 3.2]", "rising"),
+        ("shares = [1.0]", "has 1 shares for 2 of times_s"),
+        ("shares = [0.5, -0.5]", "clamp.shares[1]"),
+        ("measured_in = \"vitro\"", "creep, relaxation"),
+    ] {
+        refused(stop, &clamped(clamp), &["compress.clamp", says]);
+    }
 
     let rigid = "paddle = \"rigid\"";
     for (name, table, key) in [

@@ -24,6 +24,9 @@ pub enum StudyCommand {
     /// How often `discover` names what was hidden: volunteers with hidden effects, scored
     #[command(after_help = BENCHMARK_HELP)]
     Discovery(BenchmarkArguments),
+    /// Paddles, volunteers and positions: what each costs and gives, and what nothing beats
+    #[command(after_help = DESIGNS_HELP)]
+    Designs(DesignsArguments),
     /// Fit, held-out poses and moduli of digital volunteers, with the right and with too simple a law
     #[command(after_help = CALIBRATION_HELP)]
     Calibration(CalibrationArguments),
@@ -79,6 +82,66 @@ pub struct CalibrationArguments {
     /// 1/Jₘ of tissue that stiffens
     #[arg(long, value_name = "X", default_value_t = 0.8)]
     pub stiffening: f64,
+}
+
+const DESIGNS_HELP: &str = "\
+Presses every breast with every paddle at every distance from the chest wall, until a force or a
+thickness that is the same for all, and judges: largest pressure, compressed thickness (at a given
+thickness: force), average glandular dose, share of the breast in the picture. What nothing beats
+in all of them is the Pareto front, of each volunteer and of the medians over all, each over the
+first paddle at the first distance. Results that are there are used again: a study that was cut
+short goes on where it ended. A file of designs has a table [NAME] each, with paddle and its own
+table as in [compress]:
+
+  [soft]
+  paddle = \"cushion\"
+  cushion = { thickness_mm = 10.0, young_kpa = 20.0 }
+
+Examples:
+  mammotwin study designs study.toml --paddles rigid,flex,curved --force-n 2
+  mammotwin study designs --seeds 7,8 --designs designs.toml --distances 15,12";
+
+/// The study of designs.
+#[derive(Debug, Clone, Args)]
+pub struct DesignsArguments {
+    /// Studies of volunteers, each with its results in `out` beside it
+    #[arg(value_name = "STUDY.toml")]
+    pub studies: Vec<PathBuf>,
+    /// Digital volunteers besides, made in the output folder: which persons
+    #[arg(long, value_name = "N", value_delimiter = ',')]
+    pub seeds: Vec<u64>,
+    /// Kind of these volunteers
+    #[arg(long, value_name = "PRESET", default_value = "tiny")]
+    pub preset: String,
+    /// Edge of their voxels (mm), one number or three [default: the preset's]
+    #[arg(long, value_name = "MM", value_delimiter = ',')]
+    pub voxel_mm: Vec<f64>,
+    /// Paddles; the first one is what the others are compared with
+    #[arg(
+        long,
+        value_name = "PADDLE",
+        value_delimiter = ',',
+        default_value = "rigid,flex,elastic,tilting,curved,cushion"
+    )]
+    pub paddles: Vec<String>,
+    /// File with further designs
+    #[arg(long, value_name = "DESIGNS.toml")]
+    pub designs: Option<PathBuf>,
+    /// Distances (mm) from the chest wall to the paddle's edge [default: that of each study]
+    #[arg(long, value_name = "MM", value_delimiter = ',')]
+    pub distances: Vec<f64>,
+    /// Press to this force (N) [default: the stop rule of each study]
+    #[arg(long, value_name = "N", conflicts_with = "thickness_mm")]
+    pub force_n: Option<f64>,
+    /// Press to this thickness (mm)
+    #[arg(long, value_name = "MM")]
+    pub thickness_mm: Option<f64>,
+    /// Forces, pressures and tissue in view only; no mammogram, no dose
+    #[arg(long)]
+    pub no_picture: bool,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR", default_value = "runs/designs")]
+    pub out: PathBuf,
 }
 
 const STIFFENING_HELP: &str = "\

@@ -3,7 +3,7 @@
 use super::{Opened, open, write};
 use crate::{
     cli::{PaddlesArguments, PositionsArguments, StudyArguments},
-    comparison::{Found, ThesisStudy, Way, comparisons, curves, page, summary},
+    comparison::{Found, ThesisStudy, Way, comparisons, curves, page, summary, time_courses},
     display::Display,
     graph,
     plausible::findings,
@@ -58,7 +58,7 @@ fn read(arguments: &StudyArguments, no_picture: bool) -> Result<(Opened, Compres
     Ok((opened, plan))
 }
 
-fn named(words: &[String]) -> Result<Vec<PaddleName>, Failure> {
+pub(super) fn named(words: &[String]) -> Result<Vec<PaddleName>, Failure> {
     let mut names = Vec::new();
     for word in words {
         let known = PaddleName::ALL.into_iter().find(|name| name.name() == word);
@@ -77,7 +77,7 @@ fn named(words: &[String]) -> Result<Vec<PaddleName>, Failure> {
 ///
 /// # Errors
 /// A paddle from CAD, of which the study names no file.
-fn under(plan: &CompressPlan, paddle: PaddleName) -> Result<CompressPlan, Failure> {
+pub(super) fn under(plan: &CompressPlan, paddle: PaddleName) -> Result<CompressPlan, Failure> {
     if plan.paddle == paddle {
         return Ok(plan.clone());
     }
@@ -119,6 +119,9 @@ fn go(
     }
     write(&folder.join(format!("{name}.csv")), summary(&ways))?;
     write(&folder.join("curves.csv"), curves(&ways))?;
+    if ways.iter().flat_map(|way| &way.found).any(|found| found.course.is_some()) {
+        write(&folder.join("time_courses.csv"), time_courses(&ways))?;
+    }
     write(&folder.join("comparisons.csv"), comparisons(&ways))?;
     write(&folder.join(format!("{name}.html")), html)?;
     let computed = pass.entries.iter().filter(|entry| entry.computed).count();

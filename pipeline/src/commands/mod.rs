@@ -5,6 +5,7 @@ pub mod benchmark;
 pub mod bids;
 pub mod check;
 pub mod compare;
+pub mod designs;
 pub mod discover;
 pub mod dose;
 pub mod effects;
@@ -69,6 +70,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Study(StudyCommand::Calibration(arguments)) => accuracy::calibration(arguments),
         Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),
         Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),
+        Command::Study(StudyCommand::Designs(arguments)) => designs::designs(arguments),
         Command::Study(StudyCommand::SearchBox(arguments)) => search_box::search_box(arguments),
         Command::Study(StudyCommand::Segmentation(arguments)) => {
             segmentation::segmentation(arguments)

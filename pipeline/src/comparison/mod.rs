@@ -5,7 +5,7 @@ mod table;
 mod thesis;
 
 pub use page::page;
-pub use table::{comparisons, curves, summary};
+pub use table::{comparisons, curves, summary, time_courses};
 pub use thesis::Study as ThesisStudy;
 
 use crate::graph::Squeezed;
@@ -20,6 +20,7 @@ use mammotwin_imaging::xray::{
     statistics::{mann_whitney, welch},
 };
 use mammotwin_stages::{
+    clamp::ClampCourse,
     comfort::{Burden, Comparison, Weighted, compare, face_pressures},
     compress::Compression,
 };
@@ -44,14 +45,18 @@ pub struct Found {
     pub metrics: Vec<Metric>,
     /// Values of single regions of interest by what they are: `snr`, `sdnr_300um`.
     pub regions: Vec<(String, Vec<f64>)>,
+    /// Closing, clamping and opening in time, where the study asks for it.
+    pub course: Option<ClampCourse>,
 }
 
 impl Found {
     /// Loads what was made.
     pub fn load(made: &Squeezed, picture: Option<&MammogramPlan>) -> Result<Self, Failure> {
-        let mut metrics = Vec::new();
+        let (mut metrics, mut course) = (Vec::new(), None);
         for part in &made.metrics {
-            metrics.extend(part.load()?.metrics);
+            let part = part.load()?;
+            metrics.extend(part.metrics);
+            course = course.or(part.course);
         }
         let mut regions = Vec::new();
         if let (Some(plan), Some(phantom), Some(taken)) = (picture, &made.phantom, &made.mammograms)
@@ -74,7 +79,7 @@ impl Found {
                 regions.push(named("sdnr_detrended", values(|r| r.detrended.sdnr)));
             }
         }
-        Ok(Self { compression: made.compression.load()?, metrics, regions })
+        Ok(Self { compression: made.compression.load()?, metrics, regions, course })
     }
 
     /// A metric by its name; NaN when it was not measured.

@@ -1,7 +1,7 @@
 //! Comparisons as one page that needs no other file.
 
 use super::{Difference, Found, ThesisStudy, Way, differences, shift_to_wall};
-use crate::page::begin;
+use crate::page::{FIGURES_AND_TABLES, begin, number, table};
 use mammotwin_data::{mesh::Patch, surface::TriMesh};
 use mammotwin_stages::{
     comfort::PressureMat,
@@ -22,7 +22,7 @@ const SENSOR_PIXELS: usize = 12;
 const BAR_MM: f64 = 50.0;
 
 /// Metrics of the table, with their headings.
-const SHOWN: [(&str, &str); 22] = [
+const SHOWN: [(&str, &str); 26] = [
     ("thickness_mm", "thickness (mm)"),
     ("nominal_thickness_mm", "nominal thickness (mm)"),
     ("deflection_mm", "deflection (mm)"),
@@ -41,6 +41,10 @@ const SHOWN: [(&str, &str); 22] = [
     ("mat_peak_kpa", "mat: largest (kPa)"),
     ("von_mises_p95_kpa", "von Mises, 95 % of volume (kPa)"),
     ("stretch_rear_p95", "largest stretch, rear third, 95 %"),
+    ("clamp_force_start_n", "clamping begins: force (N)"),
+    ("clamp_force_end_n", "clamping ends: force (N)"),
+    ("clamp_thickness_end_mm", "clamping ends: thickness (mm)"),
+    ("clamp_energy_lost_mj", "work not given back (mJ)"),
     ("snr_300um_mean", "SNR, 300 µm"),
     ("sdnr_200um_mean", "SDNR, 200 µm"),
     ("sdnr_300um_mean", "SDNR, 300 µm"),
@@ -60,16 +64,6 @@ pub struct Figure {
     element: String,
 }
 
-fn number(value: f64) -> String {
-    match value.abs() {
-        _ if !value.is_finite() => "–".into(),
-        size if size >= 100.0 => format!("{value:.0}"),
-        size if size >= 10.0 => format!("{value:.1}"),
-        size if size >= 1.0 => format!("{value:.2}"),
-        _ => format!("{value:.3}"),
-    }
-}
-
 /// The page and its figures.
 pub fn page(subject: &str, study: ThesisStudy, ways: &[Way]) -> (String, Vec<Figure>) {
     let title = match study {
@@ -77,12 +71,7 @@ pub fn page(subject: &str, study: ThesisStudy, ways: &[Way]) -> (String, Vec<Fig
         ThesisStudy::Positions => "One breast, the paddle at several distances",
     };
     let figures = figures(study, ways);
-    let style = "table{border-collapse:collapse;font-size:14px;margin:1em 0}\
-                 th,td{padding:.25em .6em;border-bottom:1px solid #ddd;text-align:right}\
-                 th:first-child,td:first-child{text-align:left}figure{display:inline-block;margin:.5em;\
-                 vertical-align:top}figure svg{width:520px;height:auto}\
-                 figcaption{font-size:13px;color:#555;max-width:520px}";
-    let mut html = begin(title, subject, style);
+    let mut html = begin(title, subject, FIGURES_AND_TABLES);
     let found: Vec<(&Way, &Found)> =
         ways.iter().filter_map(|way| Some((way, way.found.as_ref().ok()?))).collect();
     // Writing to a string does not fail.
@@ -130,15 +119,6 @@ pub fn page(subject: &str, study: ThesisStudy, ways: &[Way]) -> (String, Vec<Fig
     }
     html += "</body></html>\n";
     (html, figures)
-}
-
-fn table(head: &[String], rows: &[Vec<String>]) -> String {
-    let cells = |tag: &str, row: &[String]| {
-        let cell = |text: &String| format!("<{tag}>{}</{tag}>", escaped(text));
-        format!("<tr>{}</tr>\n", row.iter().map(cell).collect::<String>())
-    };
-    let body: String = rows.iter().map(|row| cells("td", row)).collect();
-    format!("<table>\n{}{body}</table>\n", cells("th", head))
 }
 
 fn differences_table(first: &Found, others: &[(&Way, &Found)]) -> String {
@@ -210,6 +190,16 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
     add("mean_pressure.svg", course(title, "pressure (kPa)", &of));
     let of = |f: &Found| f.compression.curve.deflection_mm.clone();
     add("deflection.svg", course("What the paddle gives way", "deflection (mm)", &of));
+    if drawn.iter().any(|(_, f)| f.course.is_some()) {
+        let line = |(way, f): &(&Way, &Found)| {
+            let course = f.course.as_ref()?;
+            let points = course.time_s.iter().copied().zip(course.force_n.iter().copied());
+            Some(Line { name: way.label.clone(), points: points.collect() })
+        };
+        let all = drawn.iter().filter_map(line).collect();
+        let title = "Force in time: closing, clamping, opening";
+        add("force_in_time.svg", chart(title, "time (s)", "force (N)", all, Axis::Rising));
+    }
     if study == ThesisStudy::Positions {
         for (file, metric, title, y) in [
             ("force_by_distance.svg", "force_n", "Force at the end", "force (N)"),

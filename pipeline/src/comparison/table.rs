@@ -1,13 +1,8 @@
 //! Comparisons as CSV files.
 
 use super::{Way, differences, shift_to_wall};
+use crate::page::quoted;
 use std::fmt::Write;
-
-/// A value in quotes, on one line.
-fn quoted(text: &str) -> String {
-    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    format!("\"{}\"", line.replace('"', "\"\""))
-}
 
 /// One row a way: how it was compressed, how that ended, all metrics.
 pub fn summary(ways: &[Way]) -> String {
@@ -74,6 +69,32 @@ pub fn curves(ways: &[Way]) -> String {
                 c.edge_area_mm2[n],
                 c.mean_pressure_kpa[n],
                 c.peak_pressure_kpa[n]
+            );
+        }
+    }
+    text
+}
+
+/// The courses in time of all ways, one row a moment; only the heading when none is clamped.
+pub fn time_courses(ways: &[Way]) -> String {
+    let mut text = String::from(
+        "way,time_s,thickness_mm,breast_mm,force_n,elastic_force_n,mean_pressure_kpa\n",
+    );
+    for way in ways {
+        let Some(c) = way.found.as_ref().ok().and_then(|found| found.course.as_ref()) else {
+            continue;
+        };
+        for n in 0..c.time_s.len() {
+            let _ = writeln!(
+                text,
+                "{},{:.3},{:.4},{:.4},{:.6},{:.6},{:.6}",
+                way.label,
+                c.time_s[n],
+                c.thickness_mm[n],
+                c.breast_mm[n],
+                c.force_n[n],
+                c.elastic_force_n[n],
+                c.mean_pressure_kpa[n]
             );
         }
     }

@@ -1,6 +1,6 @@
 //! `results.h5` as a stage.
 
-use super::sections;
+use super::{clamping, sections};
 use crate::{
     artifact::{bytes_artifact, bytes_of},
     calibrate::Calibration,
@@ -79,6 +79,7 @@ impl Stage for Deliver {
             (None, None) => None,
         };
         let mut curves: Vec<Curve> = compression.iter().map(force_thickness).collect();
+        curves.extend(clamping::of(metrics).map(clamping::curve));
         curves.push(search(calibration));
         let regions: Vec<&PictureRegions> = metrics.iter().flat_map(|m| &m.regions).collect();
         let mut pictures = Vec::new();

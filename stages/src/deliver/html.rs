@@ -1,11 +1,11 @@
 //! `report.html` as a stage.
 
-use super::{scenes::scenes, sections};
+use super::{clamping, scenes::scenes, sections};
 use crate::{
     align,
     artifact::bytes_artifact,
     calibrate::{self, Calibration},
-    comfort, compress,
+    clamp, comfort, compress,
     compress::Compression,
     mammogram,
     mammogram::Mammograms,
@@ -88,6 +88,11 @@ impl Stage for Report {
         };
         if let (Some(compression), Some(phantom), Some(made)) = (compression, phantom, mammograms) {
             input.mammograms = sections::mammograms(compression, phantom, made);
+        }
+        if let (Some(part), Some(course)) = (&mut input.compression, clamping::of(metrics)) {
+            part.curves.extend(clamping::charts(course));
+            part.facts.push(clamping::fact(course));
+            input.methods.push(clamp::Clamp::METHODS.into());
         }
         if !calibration.converged {
             input.warnings.push(

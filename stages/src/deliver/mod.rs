@@ -1,5 +1,6 @@
 //! From the results of the stages to the files that people open: `results.h5` and `report.html`.
 
+mod clamping;
 mod dicom;
 mod hdf5;
 mod html;

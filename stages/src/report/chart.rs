@@ -68,7 +68,7 @@ pub struct Histogram {
 }
 
 /// Lines and marks of the same colour-blind safe set (Okabe and Ito 2008).
-const COLORS: [RGBColor; 8] = [
+pub(super) const COLORS: [RGBColor; 8] = [
     RGBColor(0, 94, 158),
     RGBColor(200, 80, 0),
     RGBColor(0, 138, 100),
@@ -78,8 +78,8 @@ const COLORS: [RGBColor; 8] = [
     RGBColor(150, 130, 0),
     RGBColor(110, 50, 20),
 ];
-const INK: RGBColor = RGBColor(70, 70, 70);
-const GRID: RGBColor = RGBColor(226, 226, 222);
+pub(super) const INK: RGBColor = RGBColor(70, 70, 70);
+pub(super) const GRID: RGBColor = RGBColor(226, 226, 222);
 /// Twice the size in which they are shown: plotters rounds to whole pixels.
 const SIZE: (u32, u32) = (1040, 640);
 const SMALL: (u32, u32) = (720, 500);
@@ -90,35 +90,46 @@ pub fn lines(chart: &Chart) -> String {
     let all = chart.lines.iter().flat_map(|line| line.points.iter().copied());
     let all = all.chain(chart.marks.iter().map(|mark| mark.point)).filter(finite);
     let all: Vec<(f64, f64)> = all.collect();
-    let (x, y) = (extent(all.iter().map(|p| p.0)), extent(all.iter().map(|p| p.1)));
-    let x = padded(x, 0.03);
-    // An axis that begins near zero begins at zero.
-    let y = if y[0] >= 0.0 && y[0] < 0.5 * y[1] { [0.0, y[1] * 1.06] } else { padded(y, 0.06) };
+    let Extents { x, y } = extents(all.into_iter());
     let x = match chart.x_axis {
         Axis::Rising => x,
         Axis::Falling => [x[1], x[0]],
     };
     let mut svg = String::new();
     let hits = draw_lines(&mut svg, chart, x, y).expect("drawing into memory does not fail");
-    with_hits(svg, chart, &hits)
+    with_hits(svg, [&chart.x_label, &chart.y_label], &hits)
+}
+
+/// Ends of both axes.
+pub(super) struct Extents {
+    pub x: [f64; 2],
+    pub y: [f64; 2],
+}
+
+/// Ends of the axes around finite points.
+pub(super) fn extents(points: impl Iterator<Item = (f64, f64)> + Clone) -> Extents {
+    let (x, y) = (extent(points.clone().map(|p| p.0)), extent(points.map(|p| p.1)));
+    // An axis that begins near zero begins at zero.
+    let y = if y[0] >= 0.0 && y[0] < 0.5 * y[1] { [0.0, y[1] * 1.06] } else { padded(y, 0.06) };
+    Extents { x: padded(x, 0.03), y }
 }
 
 /// A drawn point: its pixel, and what it says.
-struct Hit {
-    at: (i32, i32),
-    name: String,
-    point: (f64, f64),
+pub(super) struct Hit {
+    pub at: (i32, i32),
+    pub name: String,
+    pub point: (f64, f64),
 }
 
 /// Adds invisible circles that say their values, for `page.js` and for readers of titles.
-fn with_hits(svg: String, chart: &Chart, hits: &[Hit]) -> String {
+pub(super) fn with_hits(svg: String, [x_label, y_label]: [&str; 2], hits: &[Hit]) -> String {
     let value = |label: &str, value: f64| {
         let (name, unit) = label.split_once(" (").unwrap_or((label, ""));
         escaped(&format!("{name} {} {}", significant(value), unit.trim_end_matches(')')))
     };
     let circle = |hit: &Hit| {
         let Hit { at: (x, y), name, point } = hit;
-        let (across, up) = (value(&chart.x_label, point.0), value(&chart.y_label, point.1));
+        let (across, up) = (value(x_label, point.0), value(y_label, point.1));
         let text = format!("{}: {}; {}", escaped(name), up.trim_end(), across.trim_end());
         format!(
             "<circle class=\"hit\" fill=\"transparent\" cx=\"{x}\" cy=\"{y}\" r=\"10\"><title>{text}</title></circle>"

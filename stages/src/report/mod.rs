@@ -12,6 +12,7 @@ mod html;
 pub mod mammogram;
 pub mod palette;
 pub mod raster;
+pub mod scatter;
 pub mod scene;
 pub mod slice;
 pub mod surface;
