@@ -73,6 +73,8 @@ pub struct Outcome {
 /// Handles on what was made of one compression.
 #[derive(Debug)]
 pub struct Squeezed {
+    /// Stress-free shape and moduli of what was compressed.
+    pub calibration: Stored<Calibration>,
     /// The compression.
     pub compression: Stored<Compression>,
     /// The phantom, if the study asks for a picture.
@@ -84,7 +86,7 @@ pub struct Squeezed {
 }
 
 /// Handles on what was made of one image.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct PoseOutcome {
     /// The image itself.
     pub scan: Stored<Volume<f32>>,
@@ -122,6 +124,35 @@ pub fn squeezes(
             found => found.map(Ok),
         };
     ways.iter().map(one).collect()
+}
+
+/// Presses the breast of a study on other meshes, told apart by their labels; moduli are fitted on each
+/// unless the study fits none. A mesh on which there is no equilibrium is named with the reason.
+pub fn remeshed(
+    study: &Study,
+    plan: &CompressPlan,
+    meshings: &[(String, MeshPlan)],
+    run: &Run<'_>,
+) -> Result<Vec<Result<Stored<Compression>, String>>, Failure> {
+    let reference = study.reference_pose().to_owned();
+    let poses = images(study, &reference, run)?;
+    let one = |(label, meshing): &(String, MeshPlan)| {
+        let (mesh, calibration) = calibrated(study, *meshing, &poses, label, run)?;
+        let squeezed = Outcome {
+            reference: reference.clone(),
+            poses: poses.clone(),
+            mesh,
+            calibration,
+            validations: BTreeMap::new(),
+            squeezed: None,
+        };
+        Ok(squeeze(study, plan, label, run, &squeezed)?.compression)
+    };
+    let named = |meshing| match one(meshing) {
+        Err(Failure::Numerics(why) | Failure::BadInput(why)) => Ok(Err(why)),
+        found => found.map(Ok),
+    };
+    meshings.iter().map(named).collect()
 }
 
 /// The poses that a fit reads, but the reference pose.
@@ -433,7 +464,8 @@ fn squeeze(
         }
         (phantom, mammograms) = (Some(filled), Some(taken));
     }
-    Ok(Squeezed { compression, phantom, mammograms, metrics })
+    let calibration = calibration.clone();
+    Ok(Squeezed { calibration, compression, phantom, mammograms, metrics })
 }
 
 pub(crate) fn gravity(name: &str, pose: &Pose) -> Result<mammotwin_data::Vec3, Failure> {

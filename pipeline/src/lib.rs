@@ -19,6 +19,7 @@ pub mod commands;
 pub mod comparison;
 pub mod display;
 pub mod estimates;
+pub mod force_curve;
 pub mod graph;
 mod page;
 pub mod plausible;

@@ -40,7 +40,7 @@ static UNIT: LazyLock<Unit> = LazyLock::new(|| {
         let with = CurveEffect::named(name).unwrap().switched(&plan, amplitude);
         all.push(Way { label: name.into(), mesh: truth, plan: with });
     }
-    let mut pressed = press_all(&person, &all).unwrap();
+    let mut pressed = press_all(&person, &all, &|_, _| Ok(())).unwrap();
     let truths = pressed.split_off(own).into_iter().flatten().collect();
     let error = RecordError::default();
     let evidence = gathered(&plan, &effects, pressed, THINNEST_MM, error).unwrap();

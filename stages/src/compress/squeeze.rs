@@ -43,10 +43,8 @@ impl Compress {
         let stiffer = 1.0 + self.plan.rate_stiffening;
         let plan = &stiffened(body.plan, stiffer);
         let body = Body { mesh, anatomy, plan, quadratic: None, wall: body.wall.clone() };
-        let moduli = Moduli {
-            right_kpa: stiffer * moduli.right_kpa,
-            left_kpa: stiffer * moduli.left_kpa,
-        };
+        let moduli =
+            Moduli { right_kpa: stiffer * moduli.right_kpa, left_kpa: stiffer * moduli.left_kpa };
         let rest = part.take(start);
         let law = LawOverride {
             name: self.plan.law.name,

@@ -19,7 +19,8 @@ pub struct Pressed {
 impl Pressed {
     /// Of a compression.
     pub fn of(made: &Compression) -> Self {
-        let reach = |points: &[[f32; 3]]| points.iter().map(|p| f64::from(p[1])).fold(0.0, f64::max);
+        let reach =
+            |points: &[[f32; 3]]| points.iter().map(|p| f64::from(p[1])).fold(0.0, f64::max);
         let extent = made.steps.iter().map(|step| reach(&step.points)).collect();
         let curve = &made.curve;
         let force = curve.force_n.iter().map(|f| f.max(0.0)).collect();

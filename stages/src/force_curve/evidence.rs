@@ -133,9 +133,7 @@ impl Evidence {
         let one = |reading: &Reading| {
             let (channel, h) = (reading.channel, reading.thickness_mm + at.offset_mm);
             let value = match ladder {
-                Some(l) => {
-                    l.at(channel, h, at.amplitude * stiffer.powi(l.effect.scaling))
-                }
+                Some(l) => l.at(channel, h, at.amplitude * stiffer.powi(l.effect.scaling)),
                 None => self.plain.at(channel, h),
             };
             if channel == Channel::Force { stiffer * value } else { value }

@@ -15,6 +15,3 @@ pub mod search;
 mod smooth;
 pub mod trial;
 pub mod verdict;
-
-#[cfg(test)]
-mod tests;

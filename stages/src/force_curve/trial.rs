@@ -16,8 +16,8 @@ use mammotwin_data::{
     labels::Side,
     progress::Silent,
     study::{
-        CompressLaw, CompressPlan, Elements, LawConstants, LawName, MeshPlan, ModelPlan, PaddleName,
-        StopPlan, View,
+        CompressLaw, CompressPlan, Elements, LawConstants, LawName, MeshPlan, ModelPlan,
+        PaddleName, StopPlan, View,
     },
 };
 use mammotwin_solver::mesh::lattice::Placement;
@@ -235,11 +235,15 @@ pub fn gathered(
     Ok(Evidence { plain, ladders, others, error })
 }
 
-/// Presses all ways of a person; meshes each mesh once.
+/// Presses all ways of a person; meshes each mesh once. `kept` is told of each way that is done.
 ///
 /// # Errors
-/// No such volunteer or no mesh; a way without equilibrium is `None`.
-pub fn press_all(person: &Person, ways: &[Way]) -> Result<Vec<Option<Pressed>>, Failure> {
+/// No such volunteer, no mesh, or what `kept` says; a way without equilibrium is `None`.
+pub fn press_all(
+    person: &Person,
+    ways: &[Way],
+    kept: &(dyn Fn(&Way, &Option<Pressed>) -> Result<(), Failure> + Sync),
+) -> Result<Vec<Option<Pressed>>, Failure> {
     let mut meshes: Vec<Meshed> = Vec::new();
     for way in ways {
         if !meshes.contains(&way.mesh) {
@@ -248,15 +252,17 @@ pub fn press_all(person: &Person, ways: &[Way]) -> Result<Vec<Option<Pressed>>, 
     }
     let ready: Result<Vec<Ready>, Failure> = meshes.par_iter().map(|m| person.meshed(*m)).collect();
     let ready = ready?;
-    let one = |way: &Way| match meshes.iter().position(|m| *m == way.mesh) {
-        Some(n) => match ready[n].press(&way.plan) {
-            Ok(course) => Ok(Some(course)),
-            Err(Failure::Numerics(_) | Failure::BadInput(_)) => Ok(None),
-            Err(other) => Err(other),
-        },
-        None => Ok(None),
+    let one = |way: &Way| {
+        let Some(n) = meshes.iter().position(|m| *m == way.mesh) else { return Ok(None) };
+        let pressed = match ready[n].press(&way.plan) {
+            Ok(course) => Some(course),
+            Err(Failure::Numerics(_) | Failure::BadInput(_)) => None,
+            Err(other) => return Err(other),
+        };
+        kept(way, &pressed)?;
+        Ok(pressed)
     };
-    ways.par_iter().map(one).collect()
+    ways.par_iter().with_max_len(1).map(one).collect()
 }
 
 /// How a truth is measured.
@@ -275,8 +281,8 @@ impl Measuring {
     pub const USUAL: Self = Self { noise: 1.0, offset_mm: 0.0, gain: 1.0 };
 }
 
-/// A record of a pressed truth at so many thicknesses down to one, with drawn errors, and how stiff the
-/// tissue is against what a calibration would say (drawn as well).
+/// A record of a pressed truth at so many thicknesses down to one, with drawn errors; and the drawn factor of
+/// all forces: tissue stiffer than a calibration says, and the gain of the force.
 pub fn measured(
     truth: &Pressed,
     (points, thickest_mm, thinnest_mm): (usize, f64, f64),
@@ -307,5 +313,5 @@ pub fn measured(
             readings.push(Reading { thickness_mm, channel, value });
         }
     }
-    (Record::new(readings), stiffness)
+    (Record::new(readings), stiffness * gain)
 }

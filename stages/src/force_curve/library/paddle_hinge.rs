@@ -15,9 +15,7 @@ pub(super) const EFFECT: CurveEffect = CurveEffect {
     separated_by: "the tilt of the paddle, with an inclinometer",
     keys: "compress.paddle, compress.hinge",
     scaling: 1,
-    range: |plan| {
-        matches!(plan.paddle, PaddleName::Rigid | PaddleName::Flex).then_some([0.0, 3.0])
-    },
+    range: |plan| matches!(plan.paddle, PaddleName::Rigid | PaddleName::Flex).then_some([0.0, 3.0]),
     apply,
 };
 

@@ -1,16 +1,20 @@
-//! Curves that are formulas instead of solutions.
+//! The search on curves that are formulas instead of solutions.
 
-use super::{
-    course::Pressed,
-    evidence::{Evidence, Ladder, Parameters},
-    library::{CURVE_EFFECTS, CurveEffect},
-    record::{Channel, Reading, Record, RecordError},
-    search::{amplitude_of, refit, screen, size_of},
-    trial::{Measuring, measured},
-    verdict::judge,
-};
-use crate::discover::VerdictName;
+#![allow(clippy::unwrap_used)] // a test may fail at once
+
 use mammotwin_data::study::{CompressPlan, LawName, PaddleName};
+use mammotwin_stages::{
+    discover::VerdictName,
+    force_curve::{
+        course::Pressed,
+        evidence::{Evidence, Ladder, Parameters, rungs},
+        library::{CURVE_EFFECTS, CurveEffect},
+        record::{Channel, Reading, Record, RecordError},
+        search::{amplitude_of, refit, screen, size_of},
+        trial::{Measuring, Person, measured},
+        verdict::judge,
+    },
+};
 
 /// Stands for a compression: stiffer by a factor, sooner by `sooner` mm, bent upwards by `bend`.
 fn formula(stiffer: f64, sooner: f64, bend: f64, tilt: f64) -> Pressed {
@@ -168,14 +172,14 @@ fn a_thickness_that_is_shown_wrongly_is_no_physics() {
 fn too_few_forces_are_insufficient() {
     let evidence = evidence();
     let places = (6, 110.0, 46.0);
-    let (record, _) =
-        measured(&evidence.plain, places, &evidence.error, Measuring::USUAL, 3);
+    let (record, _) = measured(&evidence.plain, places, &evidence.error, Measuring::USUAL, 3);
     assert_eq!(judge(&evidence, &record).unwrap().verdict, VerdictName::InsufficientData);
 }
 
 #[test]
 fn the_last_forces_are_held_out_and_nothing_else() {
-    let reading = |thickness_mm: f64, channel: Channel| Reading { thickness_mm, channel, value: 1.0 };
+    let reading =
+        |thickness_mm: f64, channel: Channel| Reading { thickness_mm, channel, value: 1.0 };
     let forces = (0..12).map(|n| reading(100.0 - f64::from(n), Channel::Force));
     let record = Record::new(forces.chain([reading(89.0, Channel::Extent)]).collect());
     let [seen, held_out] = record.split();
@@ -184,7 +188,7 @@ fn the_last_forces_are_held_out_and_nothing_else() {
 }
 
 fn plan(paddle: PaddleName, law: LawName) -> CompressPlan {
-    let person = super::trial::Person { preset: "tiny".into(), seed: 1, stiffer: 1.0 };
+    let person = Person { preset: "tiny".into(), seed: 1, stiffer: 1.0 };
     let mut plan = person.plan(15.0, 46.0).unwrap();
     plan.paddle = paddle;
     plan.law.name = law;
@@ -199,7 +203,7 @@ fn effects_have_a_range_around_zero_and_name_rivals_that_exist() {
         let [least, greatest] = (effect.range)(&plan).unwrap();
         assert!(least <= 0.0 && greatest > 0.0, "{}", effect.name);
         assert_eq!(effect.switched(&plan, 0.0), plan);
-        for amplitude in super::evidence::rungs([least, greatest]) {
+        for amplitude in rungs([least, greatest]) {
             let with = effect.switched(&plan, amplitude);
             assert_ne!(with, plan, "{} {amplitude}", effect.name);
         }
