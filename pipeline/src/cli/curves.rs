@@ -54,7 +54,7 @@ pub struct ForceCurveArguments {
     #[arg(long, value_name = "N", default_value_t = 20)]
     pub draws: usize,
     /// Edges of the volunteers' mesh (mm); the truth has 0.7 times that
-    #[arg(long, value_name = "MM", default_value_t = 20.0)]
+    #[arg(long, value_name = "MM", default_value_t = 22.0)]
     pub size_mm: f64,
     /// Factor of all moduli of the volunteers, whose forces are a tenth of measured ones
     #[arg(long, value_name = "X", default_value_t = 3.0)]

@@ -27,6 +27,7 @@ impl Band {
     /// Of a verdict on a record.
     pub fn of(title: String, evidence: &Evidence, record: &Record, found: &CurveVerdict) -> Self {
         let [seen, _] = record.split();
+        let seen = record.rows(&seen);
         let is_seen = |r: &Reading| seen.0.contains(r);
         let forces: Vec<&Reading> =
             record.0.iter().filter(|r| r.channel == Channel::Force).collect();

@@ -97,13 +97,15 @@ pub struct Evidence {
 
 /// Length (mm of thickness) over which the error of a mesh stays alike.
 const MESH_LENGTH_MM: f64 = 10.0;
-/// Standard deviation of an offset over what is stated and what meshes show: nearly free, so that a thickness
-/// that is shown wrongly is not taken for physics.
+/// Standard deviation of an offset over what is stated: nearly free, so that a thickness that is shown wrongly
+/// is not taken for physics.
 const FREE: f64 = 5.0;
 /// Steps of a fit, and changes for its derivatives.
 const STEPS: usize = 12;
 const STEP_MM: f64 = 0.05;
 const STEP_STIFFNESS: f64 = 0.01;
+/// Part of an effect's range.
+const STEP_AMPLITUDE: f64 = 0.0125;
 /// Largest offset (mm) and logarithm of a stiffness in a fit.
 const FARTHEST: [f64; 2] = [15.0, 1.5];
 
@@ -115,9 +117,12 @@ pub struct Weighed<'a> {
     pub record: &'a Record,
     /// Known error of the mesh.
     mesh: DVector<f64>,
+    covariance: DMatrix<f64>,
     factor: Cholesky<f64, Dyn>,
     /// Standard deviations of offset (mm) and stiffness.
     pub priors: [f64; 2],
+    /// Standard deviation of an offset (mm) by what is stated and what meshes show.
+    pub offset_error_mm: f64,
 }
 
 impl Evidence {
@@ -172,11 +177,17 @@ impl Evidence {
             let record = values(course);
             let sizes = record.0.iter().map(|r| self.error.of(r.channel, r.value).powi(2));
             let sizes = DVector::from_iterator(record.0.len(), sizes);
-            let factor = DMatrix::from_diagonal(&sizes).cholesky()?;
-            let mesh = DVector::zeros(record.0.len());
-            // Only offsets and factors that a record may have as well.
-            let priors = [5.0, 0.5];
-            let weighed = Weighed { evidence: self, record: &record, mesh, factor, priors };
+            let covariance = DMatrix::from_diagonal(&sizes);
+            let weighed = Weighed {
+                evidence: self,
+                record: &record,
+                mesh: DVector::zeros(record.0.len()),
+                factor: covariance.clone().cholesky()?,
+                covariance,
+                // Only offsets and factors that a record may have as well.
+                priors: [5.0, 0.5],
+                offset_error_mm: 5.0,
+            };
             let fit = weighed.fit(None, Parameters::default());
             let left = weighed.off(None, &fit);
             Some(([fit.offset_mm, fit.stiffness], left))
@@ -219,13 +230,38 @@ impl Evidence {
             squares / count.max(1.0)
         };
         let stiffness = [self.error.stiffness, self.error.gain].iter().map(|s| s * s).sum::<f64>();
-        let offset = FREE * (self.error.thickness_mm.powi(2) + size(0)).sqrt();
-        let priors = [offset, (stiffness + size(1)).sqrt()];
-        Some(Weighed { evidence: self, record, mesh, factor: covariance.cholesky()?, priors })
+        let [stated, shown] = [self.error.thickness_mm.powi(2), size(0)];
+        Some(Weighed {
+            evidence: self,
+            record,
+            mesh,
+            factor: covariance.clone().cholesky()?,
+            covariance,
+            priors: [(FREE * FREE * stated + shown).sqrt(), (stiffness + size(1)).sqrt()],
+            offset_error_mm: (stated + shown).sqrt(),
+        })
     }
 }
 
-impl Weighed<'_> {
+impl<'a> Weighed<'a> {
+    /// Some of the readings, with their errors; `record` holds them.
+    ///
+    /// `None` when these have no covariance.
+    pub fn part<'b>(&self, record: &'b Record, rows: &[usize]) -> Option<Weighed<'b>>
+    where
+        'a: 'b,
+    {
+        let covariance = self.covariance.select_rows(rows).select_columns(rows);
+        Some(Weighed {
+            evidence: self.evidence,
+            record,
+            mesh: self.mesh.select_rows(rows),
+            factor: covariance.clone().cholesky()?,
+            covariance,
+            ..*self
+        })
+    }
+
     /// Measured less predicted (units of the quantities).
     fn off(&self, ladder: Option<usize>, at: &Parameters) -> DVector<f64> {
         let predicted = self.evidence.predicted(&self.record.0, ladder, at);
@@ -296,27 +332,60 @@ impl Weighed<'_> {
         found
     }
 
-    /// Held-out readings in independent standard deviations, before and after: with offset and stiffness of a
-    /// fit without and with an effect. What the first fit leaves open of both is in the errors.
+    /// Held-out readings in independent standard deviations, with offset and stiffness of a fit without and
+    /// with an effect: less what the errors of the seen readings foretell of theirs. What the fit with the
+    /// effect leaves open of its three numbers is in the errors of both.
     pub fn foretold(
         &self,
-        held_out: &Weighed<'_>,
+        [seen, held_out]: [&[usize]; 2],
         plain: &Parameters,
-        with: (usize, &Parameters),
-    ) -> [DVector<f64>; 2] {
-        let own = self.nuisance(None, plain);
-        let open = (own.transpose() * &own).try_inverse().unwrap_or_else(|| DMatrix::zeros(2, 2));
-        let count = held_out.record.0.len();
-        let by = held_out.nuisance(None, plain).rows(0, count).into_owned();
-        // In the units in which the held-out errors are independent.
-        let covariance = DMatrix::identity(count, count) + &by * open * by.transpose();
-        let factor = covariance.cholesky();
-        [held_out.residual(None, plain), held_out.residual(Some(with.0), with.1)].map(|all| {
-            let mut rows = all.rows(0, count).into_owned();
-            if let Some(factor) = &factor {
-                factor.l_dirty().solve_lower_triangular_mut(&mut rows);
-            }
+        (ladder, with): (usize, &Parameters),
+    ) -> Option<[DVector<f64>; 2]> {
+        let block = |rows: &[usize], columns: &[usize]| {
+            self.covariance.select_rows(rows).select_columns(columns)
+        };
+        let between = block(held_out, seen);
+        let factor = block(seen, seen).cholesky()?;
+        let known = factor.solve(&between.transpose()).transpose();
+        // What is left of a column of all readings once the seen ones are known.
+        let left = |all: &DVector<f64>| all.select_rows(held_out) - &known * all.select_rows(seen);
+        let columns = self.by_parameters(ladder, with);
+        let own: Vec<DVector<f64>> = columns.iter().map(|c| c.select_rows(seen)).collect();
+        let own = DMatrix::from_columns(&own);
+        let [offset, stiffness] = self.priors.map(|size| size.powi(-2));
+        let prior = DMatrix::from_diagonal(&DVector::from_vec(vec![offset, stiffness, 0.0]));
+        let open = (own.transpose() * factor.solve(&own) + prior).try_inverse()?;
+        let by: Vec<DVector<f64>> = columns.iter().map(left).collect();
+        let by = DMatrix::from_columns(&by);
+        let covariance =
+            block(held_out, held_out) - &known * between.transpose() + &by * open * by.transpose();
+        let factor = covariance.cholesky()?;
+        Some([self.off(None, plain), self.off(Some(ladder), with)].map(|all| {
+            let mut rows = left(&all);
+            factor.l_dirty().solve_lower_triangular_mut(&mut rows);
             rows
-        })
+        }))
+    }
+
+    /// Changes of the predictions (units of the quantities) by offset, stiffness and amplitude.
+    fn by_parameters(&self, ladder: usize, at: &Parameters) -> [DVector<f64>; 3] {
+        let [least, greatest] = self.evidence.ladders[ladder].range();
+        let step = STEP_AMPLITUDE * (greatest - least);
+        let amplitude =
+            |a: f64| Parameters { amplitude: (at.amplitude + a).clamp(least, greatest), ..*at };
+        let offset = |mm: f64| Parameters { offset_mm: at.offset_mm + mm, ..*at };
+        let stiffness = |s: f64| Parameters { stiffness: at.stiffness + s, ..*at };
+        let by = |[less, more]: [Parameters; 2], whole: f64| {
+            let predicted =
+                |at: &Parameters| self.evidence.predicted(&self.record.0, Some(ladder), at);
+            (predicted(&more) - predicted(&less)) / whole
+        };
+        let ends = [-step, step].map(amplitude);
+        let whole = (ends[1].amplitude - ends[0].amplitude).max(f64::MIN_POSITIVE);
+        [
+            by([-STEP_MM, STEP_MM].map(offset), 2.0 * STEP_MM),
+            by([-STEP_STIFFNESS, STEP_STIFFNESS].map(stiffness), 2.0 * STEP_STIFFNESS),
+            by(ends, whole),
+        ]
     }
 }

@@ -121,23 +121,28 @@ impl Record {
         self.0.iter().filter(|r| r.channel == Channel::Force).count()
     }
 
-    /// Readings that the search sees, and the last forces, which decide.
-    pub fn split(&self) -> [Self; 2] {
+    /// Places of the readings that the search sees, and of the last forces, which decide.
+    pub fn split(&self) -> [Vec<usize>; 2] {
         let forces = self.forces();
         let decide = ((HELD_OUT * forces as f64).round() as usize).max(FEWEST_HELD_OUT).min(forces);
         let mut seen_forces = forces - decide;
         let (mut seen, mut held_out) = (Vec::new(), Vec::new());
-        for reading in &self.0 {
+        for (n, reading) in self.0.iter().enumerate() {
             if reading.channel != Channel::Force {
-                seen.push(*reading);
+                seen.push(n);
             } else if seen_forces > 0 {
                 seen_forces -= 1;
-                seen.push(*reading);
+                seen.push(n);
             } else {
-                held_out.push(*reading);
+                held_out.push(n);
             }
         }
-        [Self(seen), Self(held_out)]
+        [seen, held_out]
+    }
+
+    /// Some of the readings.
+    pub fn rows(&self, rows: &[usize]) -> Self {
+        Self(rows.iter().map(|&n| self.0[n]).collect())
     }
 
     /// Only some of the quantities.

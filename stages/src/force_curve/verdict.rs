@@ -64,9 +64,10 @@ pub struct CurveVerdict {
 
 /// Judges a record; `None` when the errors have no covariance.
 pub fn judge(evidence: &Evidence, record: &Record) -> Option<CurveVerdict> {
-    let [seen, held_out] = record.split();
-    let weighed = evidence.weigh(&seen)?;
-    let decides = evidence.weigh(&held_out)?;
+    let whole = evidence.weigh(record)?;
+    let [seen_rows, held_out_rows] = record.split();
+    let seen = record.rows(&seen_rows);
+    let weighed = whole.part(&seen, &seen_rows)?;
     let screening = screen(&weighed);
     let CurveScreening { scores, limit, plain, left, cosines } = screening;
     let not_testable = scores.iter().filter(|s| !s.testable).map(|s| s.effect).collect();
@@ -94,7 +95,7 @@ pub fn judge(evidence: &Evidence, record: &Record) -> Option<CurveVerdict> {
     }
     let detected = answer.scores.iter().any(|s| s.testable && s.z > limit);
     if !detected {
-        conclude_nothing(&mut answer, weighed.priors[0] / 5.0);
+        conclude_nothing(&mut answer, weighed.offset_error_mm);
         return Some(answer);
     }
     let place = |name: &str| evidence.ladders.iter().position(|l| l.effect.name == name);
@@ -109,7 +110,8 @@ pub fn judge(evidence: &Evidence, record: &Record) -> Option<CurveVerdict> {
     let mut fits: Vec<(Fitted, CurveCandidate)> = Vec::new();
     for ladder in wanted {
         let fit = refit(&weighed, ladder, &plain);
-        let [before, after] = weighed.foretold(&decides, &plain, (ladder, &fit.at));
+        let rows = [&seen_rows[..], &held_out_rows[..]];
+        let [before, after] = whole.foretold(rows, &plain, (ladder, &fit.at))?;
         let apart = (&before - &after).norm();
         let fall = before.norm_squared() - after.norm_squared();
         let size = (before.len() as f64).sqrt();

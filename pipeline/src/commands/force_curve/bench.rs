@@ -252,8 +252,7 @@ impl Subject {
     /// What the data can show, and a figure and a record of each strong effect.
     fn show(&self, out: &Path, shown: &mut Shown) -> Result<(), Failure> {
         for (data, channels) in &DATA {
-            let places = self.places.only(channels);
-            let [seen, _] = places.split();
+            let seen = seen(&self.places.only(channels));
             let Some(weighed) = self.evidence.weigh(&seen) else { continue };
             let screening = screen(&weighed);
             let names = self.evidence.ladders.iter().map(|l| l.effect.name).collect();
@@ -263,7 +262,7 @@ impl Subject {
             let own = |l: &Ladder| l.effect.name == truth.effect.name;
             let ladder = self.evidence.ladders.iter().position(own);
             let sizes = DATA.map(|(_, channels)| {
-                let [seen, _] = self.places.only(channels).split();
+                let seen = seen(&self.places.only(channels));
                 ladder.and_then(|n| size_of(&self.evidence, &seen, n, truth.amplitude))
             });
             let (name, reached) = (truth.effect.name, truth.course.is_some());
@@ -284,10 +283,16 @@ impl Subject {
     }
 }
 
+/// What a search sees of a record.
+fn seen(record: &Record) -> Record {
+    let [seen, _] = record.split();
+    record.rows(&seen)
+}
+
 /// The amplitude of each effect at each severity, with all that may be measured, and no more than most of what
 /// the model reaches.
 fn severities(evidence: &Evidence, places: &Record) -> Vec<Truth> {
-    let [seen, _] = places.split();
+    let seen = seen(places);
     let mut all = Vec::new();
     for (n, ladder) in evidence.ladders.iter().enumerate() {
         let most = WITHIN * ladder.range()[1];
