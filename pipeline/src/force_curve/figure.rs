@@ -167,27 +167,3 @@ pub fn band(figure: &Band) -> String {
     );
     svg + "</svg>\n"
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_figure_shows_record_band_and_both_curves() {
-        let figure = Band {
-            title: "a < b".into(),
-            record: vec![(60.0, 5.0, true), (50.0, 20.0, false)],
-            model: vec![[60.0, 4.0, 5.0, 0.5], [50.0, 15.0, 20.0, 0.8]],
-            with: Some("with limit_chain 0.200".into()),
-        };
-        let svg = band(&figure);
-        assert!(svg.contains("a &lt; b") && svg.contains("limit_chain 0.200"));
-        assert_eq!(svg.matches("<circle").count(), 2);
-        assert_eq!(svg.matches("<polyline").count(), 2);
-        // The highest thing is the upper end of the band, below the top margin.
-        assert!(svg.contains("<polygon"));
-        assert!(
-            csv(&figure).lines().last().is_some_and(|line| line == "50.000,15.0000,20.0000,0.8000")
-        );
-    }
-}

@@ -99,37 +99,3 @@ pub fn record_table(record: &Record) -> String {
     }
     text
 }
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used)] // a test may fail at once
-mod tests {
-    use super::*;
-
-    #[test]
-    fn records_are_read_and_what_cannot_be_meant_is_named() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("record.csv");
-        let read = |text: &str| {
-            fs::write(&path, text).unwrap();
-            read_record(&path)
-        };
-        let text = "# unit 3\nthickness_mm,force_n,tilt_deg\n60,12.5,\n\n 50.5 , 40, 1.5\n";
-        let found = read(text).unwrap();
-        assert_eq!(found.0.len(), 3);
-        assert_eq!(found.0[2], Reading { thickness_mm: 50.5, channel: Channel::Tilt, value: 1.5 });
-        assert_eq!(read(&record_table(&found)).unwrap(), found);
-        for (text, word) in [
-            ("60,12.5\n", "first line"),
-            ("thickness_mm,force_n,force_n\n60,1,1\n", "first line"),
-            ("thickness_mm,tilt_deg\n60,1\n", "first line"),
-            ("thickness_mm,force_n\n", "no force"),
-            ("thickness_mm,force_n\n60;12\n", "line 2"),
-            ("thickness_mm,force_n\n60,12\nnan,3\n", "line 3"),
-            ("thickness_mm,force_n,tilt_deg\n60,12,90\n", "tilt_deg"),
-            ("thickness_mm,force_n\n60,1200\n", "0 to 500"),
-        ] {
-            let said = read(text).unwrap_err().to_string();
-            assert!(said.contains(word), "{said}");
-        }
-    }
-}

@@ -113,27 +113,33 @@ impl Signature {
     }
 }
 
-/// Tests all effects of the evidence on a record.
-pub fn screen(weighed: &Weighed<'_>) -> CurveScreening {
-    let plain = weighed.fit(None, Parameters::default());
-    let residual = weighed.residual(None, &plain);
-    let nuisance = weighed.nuisance(None, &plain);
-    let rows = residual.len();
+/// Signatures of all effects, with offset and stiffness at a place.
+fn signatures(weighed: &Weighed<'_>, at: &Parameters) -> (Vec<Signature>, DMatrix<f64>) {
+    let nuisance = weighed.nuisance(None, at);
     let columns: Vec<DVector<f64>> = nuisance.column_iter().map(|c| c.into_owned()).collect();
-    let basis = orthonormal(&columns, rows);
-    let rest = without(&basis, &residual);
+    let basis = orthonormal(&columns, nuisance.nrows());
+    let one = |ladder: usize| Signature::new(weighed, &basis, ladder, at);
+    ((0..weighed.evidence.ladders.len()).map(one).collect(), basis)
+}
+
+/// Tests all effects of the evidence on a record.
+///
+/// What the data could show, and what they do not tell apart, is said of the study as it is; scores are of
+/// changes around the fitted offset and stiffness.
+pub fn screen(weighed: &Weighed<'_>) -> CurveScreening {
+    let (nominal, nominal_basis) = signatures(weighed, &Parameters::default());
     let ladders = &weighed.evidence.ladders;
-    let signatures: Vec<Signature> =
-        (0..ladders.len()).map(|n| Signature::new(weighed, &basis, n, &plain)).collect();
-    let all: Vec<usize> = (0..signatures.len()).collect();
-    let strictest = by_chance(&signatures, &all, &basis);
-    let large = |&n: &usize| signatures[n].largest().1 > strictest;
+    let all: Vec<usize> = (0..ladders.len()).collect();
+    let strictest = by_chance(&nominal, &all, &nominal_basis);
+    let large = |&n: &usize| nominal[n].largest().1 > strictest;
     let testable: Vec<usize> = all.iter().copied().filter(large).collect();
-    let limit =
-        if testable.is_empty() { strictest } else { by_chance(&signatures, &testable, &basis) };
+    let limit = match testable.is_empty() {
+        true => strictest,
+        false => by_chance(&nominal, &testable, &nominal_basis),
+    };
     let unit = |n: usize| -> DVector<f64> {
-        let (most, size) = signatures[n].largest();
-        &signatures[n].changes[most] / size.max(f64::MIN_POSITIVE)
+        let (most, size) = nominal[n].largest();
+        &nominal[n].changes[most] / size.max(f64::MIN_POSITIVE)
     };
     let units: Vec<DVector<f64>> = all.iter().map(|&n| unit(n)).collect();
     let cosines: Vec<Vec<f64>> =
@@ -142,14 +148,17 @@ pub fn screen(weighed: &Weighed<'_>) -> CurveScreening {
         let near = |m: &&usize| **m != n && cosines[n][**m].abs() > ALIKE_COSINE;
         testable.iter().filter(near).map(|&m| ladders[m].effect.name).collect()
     };
+    let plain = weighed.fit(None, Parameters::default());
+    let (around, basis) = signatures(weighed, &plain);
+    let rest = without(&basis, &weighed.residual(None, &plain));
     let score = |n: usize| {
-        let (amplitude, gain) = signatures[n].best(&rest);
-        let (most, size) = signatures[n].largest();
+        let (amplitude, gain) = around[n].best(&rest);
+        let (most, size) = nominal[n].largest();
         CurveScore {
             effect: ladders[n].effect.name,
             z: gain.sqrt(),
             amplitude,
-            surviving: size / signatures[n].whole[most].max(f64::MIN_POSITIVE),
+            surviving: size / nominal[n].whole[most].max(f64::MIN_POSITIVE),
             detectable_z: size,
             testable: testable.contains(&n),
             alike: alike(n),

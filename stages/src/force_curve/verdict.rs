@@ -42,7 +42,8 @@ pub struct CurveVerdict {
     pub verdict: VerdictName,
     /// The named effect, or `thickness_offset`.
     pub effect: Option<&'static str>,
-    /// Effects that the data do not tell apart, the best first.
+    /// Effects that the data do not tell apart, the best first; with insufficient data those that explain what
+    /// was seen.
     pub set: Vec<&'static str>,
     /// Why.
     pub reason: String,
@@ -189,7 +190,8 @@ fn conclude(answer: &mut CurveVerdict, fits: &[(Fitted, CurveCandidate)], cosine
     if verdict == VerdictName::Named {
         answer.effect = Some(best.effect);
     }
-    if matches!(verdict, VerdictName::Unknown | VerdictName::InsufficientData) {
+    // What explains the seen forces and is not borne out stays for the reader; `unknown` has none.
+    if verdict == VerdictName::Unknown {
         answer.set.clear();
     }
     (answer.verdict, answer.reason) = (verdict, reason);
