@@ -215,6 +215,9 @@ pub struct SynthArguments {
     /// greatest plausible amplitude (see `mammotwin effects`)
     #[arg(long, value_name = "EFFECT[=AMPLITUDE]", value_delimiter = ',')]
     pub hide: Vec<String>,
+    /// Edges of the elements of the truth (mm) [default: those of the preset]
+    #[arg(long, value_name = "MM")]
+    pub truth_mm: Option<f64>,
     /// Elements that the study asks for: linear, quadratic [default: those of the preset]
     #[arg(long, value_name = "KIND")]
     pub elements: Option<String>,

@@ -62,6 +62,7 @@ fn volunteer(folder: &Path, seed: u64, poses: &[PoseName]) -> PathBuf {
         hidden: BTreeMap::new(),
         still: false,
         elements: None,
+        truth_mm: None,
         out_dir: out_dir.clone(),
     };
     volunteer::synthesize(&settings, &Silent).unwrap();

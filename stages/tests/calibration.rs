@@ -32,6 +32,7 @@ fn calibrated(seed: u64, elements: Elements, fitted: &[&str]) -> (Calibration, [
         hidden: std::collections::BTreeMap::new(),
         still: true,
         elements: Some(elements),
+        truth_mm: None,
         out_dir: folder.path().into(),
     };
     let written = synthesize(&settings, &Silent).unwrap();

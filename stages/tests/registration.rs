@@ -50,6 +50,7 @@ fn errors(preset: &str, seed: u64, voxel_mm: f64) -> Vec<[[f64; 2]; 2]> {
         hidden: std::collections::BTreeMap::new(),
         still: false,
         elements: None,
+        truth_mm: None,
         out_dir: folder.path().into(),
     };
     synthesize(&settings, &Silent).unwrap();

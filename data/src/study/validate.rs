@@ -9,7 +9,7 @@ use std::ops::Range;
 /// Ligaments that the model knows.
 pub const LIGAMENTS: [&str; 4] = ["inframammary", "deep_medial", "cranial", "lateral"];
 /// Effects that `model.effects` may name.
-pub const EFFECTS: [&str; 15] = [
+pub const EFFECTS: [&str; 18] = [
     "limit_chain",
     "fascia_limit",
     "cranial_ligament",
@@ -20,10 +20,13 @@ pub const EFFECTS: [&str; 15] = [
     "skin_prestress",
     "gland_inclusion",
     "compressible",
+    "cooper_anisotropy",
     "friction",
     "bond_region",
     "left_right",
     "gravity_dir",
+    "pectoral_shift",
+    "viscosity",
     "density",
 ];
 /// Study keys that `calibrate.parameters` may name.

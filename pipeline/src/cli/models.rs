@@ -70,6 +70,9 @@ pub struct BenchmarkArguments {
     /// Edge of the voxels of her labels and images (mm), one number or three [default: the preset's]
     #[arg(long, value_name = "MM", value_delimiter = ',')]
     pub voxel_mm: Vec<f64>,
+    /// Edges of the elements of the truth (mm) [default: those of the preset]
+    #[arg(long, value_name = "MM")]
+    pub truth_mm: Option<f64>,
     /// Which persons of that kind
     #[arg(long, value_name = "N", value_delimiter = ',', default_value = "7")]
     pub seeds: Vec<u64>,

@@ -82,6 +82,7 @@ fn fitted(
         hidden,
         still: false,
         elements: Some(Elements::Quadratic),
+        truth_mm: None,
         out_dir: folder.clone(),
     })?;
     let study = match hypothesis {

@@ -52,6 +52,7 @@ pub fn segmentation(arguments: &SegmentationArguments) -> Result<(), Failure> {
                 hidden: BTreeMap::new(),
                 still: false,
                 elements: None,
+                truth_mm: None,
                 out_dir: folder.clone(),
             })?;
             let truth = Truth::load(&folder.join("truth/truth.json"))?;

@@ -27,8 +27,7 @@ pub fn demo(arguments: &DemoArguments) -> Result<(), Failure> {
     let study = arguments.out.join("study.toml");
     // Written last: with this note all files of the volunteer are there.
     let note = arguments.out.join("volunteer.txt");
-    let Settings { preset, seed, voxel_mm, poses, hidden: _, still: _, elements: _, out_dir: _ } =
-        &settings;
+    let Settings { preset, seed, voxel_mm, poses, .. } = &settings;
     let version = env!("CARGO_PKG_VERSION");
     let text = format!("mammotwin {version}: {preset} {seed} {voxel_mm:?} {poses:?}\n");
     if !study.exists() || fs::read_to_string(&note).ok().as_ref() != Some(&text) {
@@ -57,8 +56,9 @@ fn settings(arguments: &SynthArguments) -> Result<Settings, Failure> {
     let (preset, seed) = (arguments.preset.clone(), arguments.seed);
     let hidden = hidden(&arguments.hide)?;
     let elements = arguments.elements.as_deref().map(elements).transpose()?;
-    let out_dir = arguments.out.clone();
-    Ok(Settings { preset, seed, voxel_mm, poses, hidden, still: false, elements, out_dir })
+    let (truth_mm, out_dir) = (truth_edge(arguments.truth_mm)?, arguments.out.clone());
+    let still = false;
+    Ok(Settings { preset, seed, voxel_mm, poses, hidden, still, elements, truth_mm, out_dir })
 }
 
 /// Edges of voxels (mm) from one number or three; none means the preset's.
@@ -77,6 +77,16 @@ pub fn voxels(given: &[f64]) -> Result<Option<[f64; 3]>, Failure> {
         return Err(Failure::Usage("--voxel-mm: give 0.2 to 10 mm".into()));
     }
     Ok(voxel_mm)
+}
+
+/// Edges of the truth's elements (mm), if given.
+pub fn truth_edge(given: Option<f64>) -> Result<Option<f64>, Failure> {
+    match given {
+        Some(mm) if !(5.0..=30.0).contains(&mm) => {
+            Err(Failure::Usage("--truth-mm: give 5 to 30 mm".into()))
+        }
+        _ => Ok(given),
+    }
 }
 
 fn elements(word: &str) -> Result<Elements, Failure> {

@@ -10,10 +10,12 @@ use std::{fs, path::PathBuf};
 pub fn made(settings: &Settings) -> Result<PathBuf, Failure> {
     let folder = &settings.out_dir;
     let note = folder.join("made.txt");
-    let Settings { preset, seed, voxel_mm, poses, hidden, still, elements, out_dir: _ } = settings;
+    let Settings { preset, seed, voxel_mm, poses, hidden, still, elements, truth_mm, out_dir: _ } =
+        settings;
     let version = env!("CARGO_PKG_VERSION");
     let text = format!(
-        "mammotwin {version}: {preset} {seed} {voxel_mm:?} {poses:?} {hidden:?} {still} {elements:?}\n"
+        "mammotwin {version}: {preset} {seed} {voxel_mm:?} {poses:?} {hidden:?} {still} {elements:?} \
+         {truth_mm:?}\n"
     );
     if fs::read_to_string(&note).ok().as_ref() != Some(&text) {
         synthesize(settings, &Task::new("synth"))?;

@@ -7,6 +7,7 @@
 pub mod bulk;
 pub mod cable;
 pub mod contact;
+pub mod fibres;
 pub mod friction;
 pub mod gravity;
 pub mod grid_distance;
@@ -26,6 +27,7 @@ mod tests;
 pub use bulk::Bulk;
 pub use cable::{Cable, Cables};
 pub use contact::{NodeForce, Opening, Touching};
+pub use fibres::Fibres;
 pub use friction::Slip;
 pub use gravity::Gravity;
 pub use grid_distance::GridDistance;

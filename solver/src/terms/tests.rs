@@ -3,7 +3,7 @@
 use super::plate::{Plate, PlateKind};
 use super::quadratic::{self, Rule};
 use super::{
-    At, Bulk, Cable, Cables, Curvature, Gravity, Load, Membrane, Opening, QuadraticBulk,
+    At, Bulk, Cable, Cables, Curvature, Fibres, Gravity, Load, Membrane, Opening, QuadraticBulk,
     QuadraticMembrane, Sliding, Slip, Term, target::Cylinder, testing,
 };
 use crate::materials::Law;
@@ -140,6 +140,18 @@ fn quadratic_weights_do_the_work_of_a_body_force() {
 fn gravity() {
     let mesh = pair();
     check(&Gravity::new("gravity", &mesh, 0.98, Vec3::new(0.3, -0.5, 0.9)), &moved(&mesh));
+}
+
+/// Verifies: fibres in tissue: derivatives of the energy | fourth-order differences | 1e-7, second 1e-6
+#[test]
+fn fibres() {
+    let mesh = pair();
+    let directions = [Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, -0.6, 0.8)];
+    let fibres = Fibres::new("fibres", &mesh, &directions, 2.0).unwrap();
+    // All taut, and as they fall.
+    let stretched: Vec<Vec3> = moved(&mesh).iter().map(|p| 1.3 * p).collect();
+    check(&fibres, &stretched);
+    check(&fibres, &moved(&mesh));
 }
 
 /// Verifies: cables: derivatives of the energy | fourth-order differences | 1e-7, second 1e-6

@@ -3,16 +3,17 @@
 
 use super::{
     budget::{Budget, Nodes, Whitener, mean},
-    observe::{carried, edges, residual, skin, weighed},
+    course::Course,
+    observe::{edges, residual, skin, weighed},
     reference::growth,
-    refit::with_effect,
     signature::{Projector, Signature},
+    variation::{Standing, Variation},
 };
 use crate::{
     calibrate::{Calibration, Experiment, Fit, Measured},
-    effects::{Amplitude, EFFECTS, Effect},
+    effects::{EFFECTS, Effect},
     mesh::{BreastMesh, Mesh},
-    model::{Body, Moduli},
+    model::Moduli,
     register::Registered,
     shape::Shape,
     surface::PoseSurfaces,
@@ -32,33 +33,18 @@ use serde::Serialize;
 use std::path::Path;
 
 /// The other meshes: edge length over the model's own, and how their lattice lies (degrees of
-/// freedom: turn about three axes in radians, shift in edge lengths).
+/// freedom: turn about three axes in radians, shift in edge lengths). Changes are computed on the first.
 const MESHINGS: [(f64, Placement); 5] = [
-    (0.8, Placement { rotation: [0.0; 3], offset: [0.2, 0.4, 0.6] }),
     (0.9, Placement { rotation: [0.4, -0.3, 0.2], offset: [0.5, 0.1, 0.3] }),
     (1.0, Placement { rotation: [-0.2, 0.6, 0.5], offset: [0.3, 0.8, 0.1] }),
     (1.0, Placement { rotation: [0.7, 0.2, -0.6], offset: [0.9, 0.6, 0.4] }),
+    (0.8, Placement { rotation: [0.0; 3], offset: [0.2, 0.4, 0.6] }),
     (1.15, Placement { rotation: [0.1, -0.7, 0.3], offset: [0.6, 0.2, 0.7] }),
 ];
 /// With fewer other meshes their scatter is no measure.
 const FEWEST_MESHINGS: usize = 3;
 /// With fewer nodes there is nothing to weigh.
 const FEWEST_NODES: usize = 30;
-/// A large amplitude would change residuals by so many standard deviations, if it did so in proportion.
-const LARGE: f64 = 20.0;
-/// The amplitude beyond the large one up to which changes with moduli that stay are known, over it.
-const FARTHER: f64 = 3.0;
-/// Most that the logarithm of a modulus may go with it, steps in which it is sought, and how near to
-/// where a calibration puts it is near enough.
-const FAR: f64 = 0.7;
-const SETTLING_STEPS: usize = 3;
-const SETTLED: f64 = 0.03;
-/// Largest part of the last step that the next one may have.
-const SLOWEST: f64 = 0.7;
-/// Changes of the logarithm of a modulus, for its first and second derivative.
-pub(super) const SMALL_MODULUS: f64 = 0.05;
-const LARGE_MODULUS: f64 = 0.4;
-
 /// Residuals (mm) and their derivatives have the nodes of pose after pose, in one column.
 #[derive(Debug, Clone)]
 pub struct Evidence {
@@ -77,10 +63,8 @@ pub struct Evidence {
     /// Signed distances (mm) of simulated to measured skin with these, less the mean difference to the
     /// other meshes: what is known of the mesh's error.
     pub residual: DVector<f64>,
-    /// Derivatives (mm) by the logarithms of the moduli, right and left.
-    pub by_moduli: [DVector<f64>; 2],
-    /// Halves of their second derivatives (mm).
-    pub bends: [DVector<f64>; 2],
+    /// What the logarithms of the moduli change, right and left.
+    pub by_moduli: [Course; 2],
     /// What each effect changes.
     pub signatures: Vec<Signature>,
     /// Effects without a signature: the model has no equilibrium with them.
@@ -94,9 +78,24 @@ pub struct Evidence {
 }
 
 impl Evidence {
-    /// Residuals (mm) of a fit, less what is known of the mesh's error.
-    pub(super) fn residual_of(&self, fit: &Fit) -> DVector<f64> {
-        residual(fit, &self.weighed) - mean(&self.meshings)
+    /// Residuals (mm) of a fit on the model's mesh, less what is known of the mesh's error, which grows with all
+    /// changes. With an effect: its place among the signatures, and its amplitude.
+    pub(super) fn residual_of(&self, fit: &Fit, effect: Option<(usize, f64)>) -> DVector<f64> {
+        let mut off = mean(&self.meshings);
+        let (now, first) = (fit.moduli, self.moduli);
+        let moved = [now.right_kpa / first.right_kpa, now.left_kpa / first.left_kpa];
+        for (course, ratio) in self.by_moduli.iter().zip(moved) {
+            off += course.off.sum(ratio.ln(), ratio.ln().powi(2));
+        }
+        if let Some((place, amplitude)) = effect {
+            off += self.signatures[place].off(amplitude);
+        }
+        residual(fit, &self.weighed) - off
+    }
+
+    /// Derivatives (mm) by the logarithms of the moduli, right and left, of all poses.
+    pub(super) fn slopes(&self) -> [&DVector<f64>; 2] {
+        self.by_moduli.each_ref().map(|course| &course.mean.slope)
     }
 
     /// The weighed nodes of all poses.
@@ -131,14 +130,11 @@ impl Artifact for Evidence {
             file.put(name, column.as_slice(), "mm", meaning)
         };
         put("residual", &self.residual, "signed distance, pose after pose")?;
-        for (side, column) in ["right", "left"].iter().zip(&self.by_moduli) {
-            put(&format!("by_modulus/{side}"), column, "derivative by the logarithm")?;
-        }
-        for (side, column) in ["right", "left"].iter().zip(&self.bends) {
-            put(&format!("bend/{side}"), column, "half of the second derivative")?;
-        }
         for (n, column) in self.meshings.iter().enumerate() {
             put(&format!("meshings/{n}"), column, "difference to another mesh")?;
+        }
+        for (side, course) in ["right", "left"].iter().zip(&self.by_moduli) {
+            course.put(&mut file, &format!("by_modulus/{side}"))?;
         }
         for signature in &self.signatures {
             signature.put(&mut file)?;
@@ -166,8 +162,10 @@ impl Artifact for Evidence {
             shapes: shapes.collect::<Result<_, _>>()?,
             moduli: file.json("moduli")?,
             residual: column("residual")?,
-            by_moduli: [column("by_modulus/right")?, column("by_modulus/left")?],
-            bends: [column("bend/right")?, column("bend/left")?],
+            by_moduli: [
+                Course::get(&file, "by_modulus/right")?,
+                Course::get(&file, "by_modulus/left")?,
+            ],
             signatures,
             failed: file.texts("failed")?,
             meshings,
@@ -213,10 +211,10 @@ impl Gather {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 11;
+    const VERSION: u32 = 13;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
-         calibrated model, with their derivatives by the moduli and by the amplitude of each effect of \
-         a library, and their differences to the same model on five other meshes.";
+         calibrated model, with their differences to the same model on five other meshes. What the moduli \
+         and the amplitude of each effect of a library change about them is the mean over the model's mesh and two others.";
     type Input = Input;
     type Output = Evidence;
 
@@ -247,17 +245,22 @@ impl Stage for Gather {
         let reference = shape(&mesh.mesh.points);
         let here = residual(&base, &weighed);
         progress.report(0.1, "the same model on other meshes");
-        let other = |(part, placement): (f64, Placement)| {
-            let meshing = Mesh(MeshPlan { size_mm: part * self.mesh.size_mm, ..self.mesh });
-            let other = meshing.lying(labels, placement, &Silent)?;
-            let experiment = Experiment::new(&other, &self.model, &self.calibrate, &measured)?;
-            // A mesh on which the model fails tells nothing.
-            let Ok(fit) = experiment.evaluate(moduli, None, &Silent, "") else { return Ok(None) };
-            Ok(Some(&here - carried(&reference, &other, &fit)?))
+        let bodies: Vec<BreastMesh> = MESHINGS
+            .into_par_iter()
+            .map(|(part, placement)| {
+                let meshing = Mesh(MeshPlan { size_mm: part * self.mesh.size_mm, ..self.mesh });
+                meshing.lying(labels, placement, &Silent)
+            })
+            .collect::<Result<_, Failure>>()?;
+        let standing = |body| {
+            let experiment = Experiment::new(body, &self.model, &self.calibrate, &measured)?;
+            Standing::new(body, experiment, moduli, &reference)
         };
-        let meshings: Vec<Option<DVector<f64>>> =
-            MESHINGS.into_par_iter().map(other).collect::<Result<_, Failure>>()?;
-        let meshings: Vec<DVector<f64>> = meshings.into_iter().flatten().collect();
+        let others: Vec<Option<Standing>> =
+            bodies.par_iter().map(standing).collect::<Result<_, Failure>>()?;
+        let others: Vec<Standing> = others.into_iter().flatten().collect();
+        let meshings: Vec<DVector<f64>> =
+            others.iter().map(|other| &here - &other.residual).collect();
         if meshings.len() < FEWEST_MESHINGS {
             return Err(Failure::Numerics(format!(
                 "discover: the model stands on {} of {} other meshes only; the error of the mesh is \
@@ -272,89 +275,27 @@ impl Stage for Gather {
 
         progress.report(0.55, "signatures of the effects");
         let off = mean(&meshings);
-        let by_modulus = |[right, left]: [f64; 2]| {
-            let mut moduli = moduli;
-            moduli.right_kpa *= f64::exp(right);
-            moduli.left_kpa *= f64::exp(left);
-            let fit = experiment.evaluate(moduli, Some(&base), &Silent, "")?;
-            Ok::<_, Failure>(residual(&fit, &weighed) - &here)
+        let variation = Variation {
+            experiment: &experiment,
+            plan: &self.model,
+            base: &base,
+            weighed: &weighed,
+            reference: &reference,
+            here: &here,
+            others: &others,
         };
-        let derivatives = |side: usize| {
-            let of = |part: f64| by_modulus([0, 1].map(|s| if s == side { part } else { 0.0 }));
-            let (small, large) = (of(SMALL_MODULUS)?, of(LARGE_MODULUS)?);
-            let slope = small / SMALL_MODULUS;
-            let bend = (large / LARGE_MODULUS - &slope) / (LARGE_MODULUS - SMALL_MODULUS);
-            Ok::<_, Failure>((slope - SMALL_MODULUS * &bend, bend))
-        };
-        let ((right, right_bend), (left, left_bend)) = (derivatives(0)?, derivatives(1)?);
-        let (by_moduli, bends) = ([right, left], [right_bend, left_bend]);
-        let change = |effect: &Effect, amplitude: f64, [right, left]: [f64; 2]| {
-            let plan = with_effect(&self.model, effect, amplitude);
-            let body = Body { plan: &plan, ..experiment.body.clone() };
-            let mut moduli = moduli;
-            moduli.right_kpa *= right.exp();
-            moduli.left_kpa *= left.exp();
-            let fit = experiment.evaluate_as(&body, moduli, Some(&base), &Silent, "");
-            Some(residual(&fit.ok()?, &weighed) - &here)
-        };
+        let by_moduli = [variation.by_modulus(0)?, variation.by_modulus(1)?];
         let edges = edges(mesh, &nodes);
         let places =
             Nodes { edges: &edges, reference: &reference, shapes: &shapes, growth: &growth };
         let budget = Budget::of(&places, &(&here - &off), labels.grid.mean_edge_mm());
         let whitener = Whitener::all(&budget.covariance(&places, &meshings))
             .ok_or_else(|| Failure::Numerics("discover: errors without a covariance".into()))?;
-        let projector = Projector::new(&whitener, &by_moduli);
-        // A calibration takes its part of a large change, and not in proportion.
-        let settled = |effect: &Effect, amplitude: f64, kept: &DVector<f64>| {
-            let mut at = [0.0; 2];
-            let mut found = kept.clone();
-            let mut last: Option<[f64; 2]> = None;
-            for _ in 0..SETTLING_STEPS {
-                let step = projector.fitted(&found);
-                if step.iter().all(|part| part.abs() < SETTLED) {
-                    break;
-                }
-                // With the effect a modulus does less than without: steps fall short alike.
-                let product = |a: [f64; 2], b: [f64; 2]| a[0] * b[0] + a[1] * b[1];
-                let ratio = last.map_or(0.0, |last| product(step, last) / product(last, last));
-                let longer = 1.0 / (1.0 - ratio.clamp(0.0, SLOWEST));
-                let next = [0, 1].map(|side| (at[side] + longer * step[side]).clamp(-FAR, FAR));
-                if next == at {
-                    break;
-                }
-                let Some(there) = change(effect, amplitude, next) else { break };
-                (at, found, last) = (next, there, Some(step));
-            }
-            tracing::debug!(effect.name, amplitude, ?at, "moduli with the effect");
-            found
-        };
+        let slopes = by_moduli.each_ref().map(|course| course.mean.slope.clone());
+        let projector = Projector::new(&whitener, &slopes);
         let signatures: Vec<Signature> = EFFECTS
             .into_par_iter()
-            .filter_map(|effect| {
-                let Amplitude { small, range: [least, greatest], .. } = effect.amplitude;
-                let little = change(effect, small, [0.0; 2])?;
-                let slope = &little / small;
-                let size = projector.surviving(&slope).0.norm();
-                let reach = (LARGE / size).clamp(small, f64::max(-least, greatest));
-                // Where the effect hardly shows, or the model does not stand with much of it, a small
-                // change is all there is.
-                let shows = size * reach > LARGE.sqrt();
-                let large = [1.0, 0.5, 0.25].map(|part| part * reach).into_iter();
-                let first = large
-                    .filter(|amplitude| shows && *amplitude > 2.0 * small)
-                    .find_map(|amplitude| Some((amplitude, change(effect, amplitude, [0.0; 2])?)));
-                let large = first
-                    .as_ref()
-                    .map(|(amplitude, much)| (*amplitude, settled(effect, *amplitude, much)));
-                let large = large.as_ref().map(|(amplitude, much)| (*amplitude, much));
-                let farther = first.as_ref().and_then(|(reach, _)| {
-                    let farther = (FARTHER * reach).min(f64::max(-least, greatest));
-                    let beyond = farther > *reach;
-                    beyond.then(|| Some((farther, change(effect, farther, [0.0; 2])?)))?
-                });
-                let kept = first.clone().into_iter().chain(farther);
-                Some(Signature::new(effect, (small, &little), large, kept))
-            })
+            .filter_map(|effect| variation.signature(effect, &projector, &by_moduli))
             .collect();
         let found = |effect: &&Effect| signatures.iter().any(|s| s.effect.name == effect.name);
         let failed = EFFECTS.into_iter().filter(|e| !found(e)).map(|e| e.name.into()).collect();
@@ -368,7 +309,6 @@ impl Stage for Gather {
             moduli,
             residual: here - off,
             by_moduli,
-            bends,
             signatures,
             failed,
             meshings,

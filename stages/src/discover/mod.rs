@@ -7,6 +7,7 @@
 
 mod budget;
 mod clusters;
+mod course;
 mod evidence;
 mod observe;
 mod reference;
@@ -14,10 +15,12 @@ mod refit;
 mod screen;
 mod signature;
 pub mod trial;
+mod variation;
 mod verdict;
 
 pub use budget::{Budget, Nodes, RigidError};
 pub use clusters::Cluster;
+pub use course::{Bent, Course};
 pub use evidence::{Evidence, Gather};
 pub(crate) use screen::by_chance;
 pub use screen::{Score, Screening};
@@ -139,7 +142,7 @@ type Input = (Evidence, evidence::Input);
 
 impl Stage for Discover {
     const NAME: &'static str = "discover";
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
     const METHODS: &'static str = "Residuals were weighed with the covariance of the errors of segmentation, registration, \
          chest wall and mesh. A score test asked for each effect of the library whether what the \
          moduli do not absorb of its signature is in the residuals; the threshold is the 99 % quantile \

@@ -1,10 +1,7 @@
 //! Fit of the moduli, with or without one effect: linear, or Gauss-Newton with Broyden's updates.
 
 use super::{
-    budget::Whitener,
-    evidence::{Evidence, SMALL_MODULUS},
-    observe,
-    signature::Projector,
+    budget::Whitener, evidence::Evidence, observe, signature::Projector, variation::SMALL_MODULUS,
 };
 use crate::{
     calibrate::{Experiment, Fit},
@@ -65,7 +62,8 @@ pub(super) fn linear(
 ) -> Fitted {
     let nodes = evidence.nodes();
     let seen_part = |v: &DVector<f64>| observe::part(v, seen, nodes);
-    let by_moduli: Vec<DVector<f64>> = evidence.by_moduli.iter().map(seen_part).collect();
+    let slopes = evidence.slopes();
+    let by_moduli: Vec<DVector<f64>> = slopes.into_iter().map(seen_part).collect();
     let mut rest = residual.clone();
     let (mut amplitude, mut amplitude_sd) = (0.0, f64::NAN);
     if let Some(signature) = effect.map(|k| &evidence.signatures[k]) {
@@ -81,7 +79,7 @@ pub(super) fn linear(
     if let Some(at) =
         least_squares(&DMatrix::from_columns(&columns), &whitener.whiten(&seen_part(&rest)))
     {
-        rest += at[0] * &evidence.by_moduli[0] + at[1] * &evidence.by_moduli[1];
+        rest += at[0] * slopes[0] + at[1] * slopes[1];
         moduli.right_kpa *= at[0].exp();
         moduli.left_kpa *= at[1].exp();
     }
@@ -120,17 +118,13 @@ impl Refit<'_> {
     /// Gauss-Newton with Broyden's updates, in standard deviations of the unknowns; where it stalls, derivatives are taken
     /// anew, once.
     pub fn run(&self, effect: Option<Start>) -> (Fitted, Fit) {
-        let Evidence { by_moduli, signatures, moduli, .. } = self.evidence;
-        let unknowns = by_moduli.len() + usize::from(effect.is_some());
-        let base = self.at(DVector::zeros(unknowns), self.start.clone());
-        let screened = linear(
-            self.evidence,
-            self.whitener,
-            self.seen,
-            &base.all,
-            effect.map(|(signature, _)| signature),
-        );
-        let mut columns: Vec<DVector<f64>> = by_moduli.iter().map(|v| self.whitened(v)).collect();
+        let Evidence { signatures, moduli, .. } = self.evidence;
+        let place = effect.map(|(k, _)| k);
+        let unknowns = 2 + usize::from(effect.is_some());
+        let base = self.at(DVector::zeros(unknowns), self.start.clone(), place);
+        let screened = linear(self.evidence, self.whitener, self.seen, &base.all, place);
+        let mut columns: Vec<DVector<f64>> =
+            self.evidence.slopes().into_iter().map(|v| self.whitened(v)).collect();
         let far = [
             (screened.moduli.right_kpa / moduli.right_kpa).ln(),
             (screened.moduli.left_kpa / moduli.left_kpa).ln(),
@@ -140,14 +134,14 @@ impl Refit<'_> {
             columns.push(self.whitened(&signatures[k].rate(amplitude)));
             first.push(amplitude);
         }
-        let effect = effect.map(|(k, _)| signatures[k].effect);
         let mut jacobian = DMatrix::from_columns(&columns);
         let mut at = base;
         let mut next = DVector::from_vec(first);
         let (mut damping, mut fresh) = (1.0, false);
         for _ in 0..MOST {
             let step = &next - &at.unknowns;
-            let trial = self.evaluate(&next, effect, &at.fit).map(|fit| self.at(next.clone(), fit));
+            let trial =
+                self.evaluate(&next, place, &at.fit).map(|fit| self.at(next.clone(), fit, place));
             let mut stalled = step.norm() == 0.0;
             match trial {
                 Ok(trial) if !stalled => {
@@ -167,7 +161,7 @@ impl Refit<'_> {
                 if fresh {
                     break;
                 }
-                let Some(derivatives) = self.derivatives(&at, effect) else { break };
+                let Some(derivatives) = self.derivatives(&at, place) else { break };
                 (jacobian, fresh, damping) = (derivatives, true, 1.0);
             }
             let Some(step) = least_squares(&jacobian, &at.seen) else { break };
@@ -177,8 +171,8 @@ impl Refit<'_> {
                 step.rows_mut(0, 2).scale_mut(1.0 / limit);
             }
             next = &at.unknowns + step;
-            if let Some(effect) = effect {
-                let [least, greatest] = effect.amplitude.range;
+            if let Some(k) = place {
+                let [least, greatest] = signatures[k].effect.amplitude.range;
                 next[2] = next[2].clamp(least, greatest);
             }
         }
@@ -192,15 +186,16 @@ impl Refit<'_> {
         (best, at.fit)
     }
 
-    fn at(&self, unknowns: DVector<f64>, fit: Fit) -> At {
-        let all = self.evidence.residual_of(&fit);
+    /// Where a fit stands with these unknowns; `place` is that of the effect's signature.
+    fn at(&self, unknowns: DVector<f64>, fit: Fit, place: Option<usize>) -> At {
+        let all = self.evidence.residual_of(&fit, place.map(|k| (k, unknowns[2])));
         At { unknowns, fit, seen: self.whitened(&all), all }
     }
 
     /// Derivatives of the whitened residuals by differences; `None` where the model does not stand.
-    fn derivatives(&self, at: &At, effect: Option<&Effect>) -> Option<DMatrix<f64>> {
+    fn derivatives(&self, at: &At, place: Option<usize>) -> Option<DMatrix<f64>> {
         let column = |n: usize| {
-            let amplitude = effect.filter(|_| n == 2).map(|effect| effect.amplitude);
+            let amplitude = place.filter(|_| n == 2).map(|k| self.effect(k).amplitude);
             let step = match amplitude {
                 None => SMALL_MODULUS,
                 Some(Amplitude { small, range: [_, greatest], .. }) => {
@@ -209,12 +204,16 @@ impl Refit<'_> {
             };
             let mut there = at.unknowns.clone();
             there[n] += step;
-            let there = self.evaluate(&there, effect, &at.fit).ok()?;
-            Some((self.whitened(&self.evidence.residual_of(&there)) - &at.seen) / step)
+            let fit = self.evaluate(&there, place, &at.fit).ok()?;
+            Some((self.at(there, fit, place).seen - &at.seen) / step)
         };
         let columns: Option<Vec<DVector<f64>>> =
             (0..at.unknowns.len()).into_par_iter().map(column).collect();
         columns.map(|columns| DMatrix::from_columns(&columns))
+    }
+
+    fn effect(&self, place: usize) -> &'static Effect {
+        self.evidence.signatures[place].effect
     }
 
     fn whitened(&self, all: &DVector<f64>) -> DVector<f64> {
@@ -224,15 +223,15 @@ impl Refit<'_> {
     fn evaluate(
         &self,
         at: &DVector<f64>,
-        effect: Option<&Effect>,
+        place: Option<usize>,
         near: &Fit,
     ) -> Result<Fit, Failure> {
         let moduli = Moduli {
             right_kpa: self.start.moduli.right_kpa * at[0].exp(),
             left_kpa: self.start.moduli.left_kpa * at[1].exp(),
         };
-        let plan = match effect {
-            Some(effect) => with_effect(self.plan, effect, at[2]),
+        let plan = match place {
+            Some(k) => with_effect(self.plan, self.effect(k), at[2]),
             None => self.plan.clone(),
         };
         let body = Body { plan: &plan, ..self.experiment.body.clone() };

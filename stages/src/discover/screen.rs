@@ -139,7 +139,7 @@ mod tests {
     fn along(name: &str, row: usize, by: f64) -> Signature {
         let mut change = DVector::zeros(3);
         change[row] = 0.01 * by;
-        Signature::new(Effect::named(name).unwrap(), (0.01, &change), None, [])
+        Signature::small(Effect::named(name).unwrap(), 0.01, change)
     }
 
     #[test]

@@ -3,8 +3,12 @@
 //! A breast that stiffens as it is stretched is stretched less: large amplitudes change less than in
 //! proportion. A signature therefore knows a small change and a large one, each from whole solutions. At
 //! the large one the moduli are those that a calibration would find with it: so are the moduli of the data.
+//! Both are means over several meshes, of which none lies as the model's does.
 
-use super::budget::Whitener;
+use super::{
+    budget::Whitener,
+    course::{Change, Course},
+};
 use crate::effects::Effect;
 use mammotwin_data::{Failure, io::hdf5};
 use nalgebra::{DMatrix, DVector};
@@ -14,11 +18,9 @@ use nalgebra::{DMatrix, DVector};
 pub struct Signature {
     /// The effect.
     pub effect: &'static Effect,
-    /// Derivative (mm) by the amplitude.
-    pub slope: DVector<f64>,
-    /// Half of the second derivative (mm) along the way to the large amplitude [`Signature::reach`], on
-    /// which moduli take what they can.
-    pub curve: DVector<f64>,
+    /// Up to the large amplitude [`Signature::reach`], where moduli are as a calibration finds them and their own
+    /// part is taken off.
+    pub course: Course,
     /// The large amplitude. Beyond it changes go on in proportion.
     pub reach: f64,
     /// Rising amplitudes and the change (mm) by each where the moduli stay: what the effect does to a
@@ -27,50 +29,58 @@ pub struct Signature {
 }
 
 impl Signature {
-    /// Of a small amplitude and the change (mm) by it, a large one with the moduli of a calibration,
-    /// and further ones with moduli that stay.
+    /// Of a small amplitude and the change by it, a large one with the moduli of a calibration, and amplitudes with
+    /// the changes (mm) of the model's own mesh where moduli stay.
     pub(super) fn new(
         effect: &'static Effect,
-        (small, little): (f64, &DVector<f64>),
-        large: Option<(f64, &DVector<f64>)>,
+        small: (f64, Change),
+        large: Option<(f64, Change)>,
         kept: impl IntoIterator<Item = (f64, DVector<f64>)>,
     ) -> Self {
-        let mut slope = little / small;
-        let mut curve = DVector::zeros(slope.len());
-        let mut reach = small;
-        if let Some((far, much)) = large.filter(|(far, _)| *far > small) {
-            // Through nothing and both changes.
-            curve = (much / far - &slope) / (far - small);
-            slope -= small * &curve;
-            reach = far;
-        }
-        let kept = [(small, little.clone())].into_iter().chain(kept).collect();
-        Self { effect, slope, curve, reach, kept }
+        let large = large.as_ref().map(|(amplitude, change)| (*amplitude, change));
+        let course = Course::through((small.0, &small.1), large);
+        let reach = large.map_or(small.0, |(amplitude, _)| amplitude);
+        let mut signature = Self { effect, course, reach, kept: Vec::new() };
+        let corrected = |(amplitude, change): (f64, DVector<f64>)| {
+            (amplitude, change - signature.off(amplitude))
+        };
+        signature.kept = kept.into_iter().map(corrected).collect();
+        signature
+    }
+
+    /// Of a small amplitude and the change (mm) by it on the model's own mesh, for an effect that hardly shows.
+    pub(super) fn small(effect: &'static Effect, amplitude: f64, own: DVector<f64>) -> Self {
+        let change = Change { off: DVector::zeros(own.len()), mean: own.clone() };
+        Self::new(effect, (amplitude, change), None, [(amplitude, own)])
     }
 
     /// The change (mm) by an amplitude.
     pub fn change(&self, amplitude: f64) -> DVector<f64> {
-        amplitude * &self.slope + bent(amplitude, self.reach) * &self.curve
+        self.course.mean.sum(amplitude, bent(amplitude, self.reach))
+    }
+
+    /// What the change (mm) by an amplitude is off on the model's own mesh.
+    pub(super) fn off(&self, amplitude: f64) -> DVector<f64> {
+        self.course.off.sum(amplitude, bent(amplitude, self.reach))
     }
 
     /// Derivative (mm) of the change by the amplitude, at an amplitude.
     pub(super) fn rate(&self, amplitude: f64) -> DVector<f64> {
-        &self.slope + bent_rate(amplitude, self.reach) * &self.curve
+        self.course.mean.sum(1.0, bent_rate(amplitude, self.reach))
     }
 
     /// Some of the rows.
     pub(super) fn of(&self, rows: impl Fn(&DVector<f64>) -> DVector<f64>) -> Self {
         let kept = self.kept.iter().map(|(amplitude, change)| (*amplitude, rows(change)));
-        Self { slope: rows(&self.slope), curve: rows(&self.curve), kept: kept.collect(), ..*self }
+        Self { course: self.course.of(&rows), kept: kept.collect(), ..*self }
     }
 
     pub(super) fn put(&self, file: &mut hdf5::Writer) -> Result<(), Failure> {
         let group = format!("signatures/{}", self.effect.name);
+        self.course.put(file, &group)?;
         let mut put = |name: &str, column: &[f64], unit: &str, meaning: &str| {
             file.put(&format!("{group}/{name}"), column, unit, meaning)
         };
-        put("slope", self.slope.as_slice(), "mm", "derivative by the amplitude")?;
-        put("curve", self.curve.as_slice(), "mm", "half of the second derivative")?;
         put("reach", &[self.reach], "1", "amplitude up to which it bends")?;
         let (amplitudes, changes): (Vec<f64>, Vec<&DVector<f64>>) =
             self.kept.iter().map(|(amplitude, change)| (*amplitude, change)).unzip();
@@ -95,13 +105,8 @@ impl Signature {
         for (n, amplitude) in read("kept")?.into_iter().enumerate() {
             kept.push((amplitude, DVector::from_vec(read(&format!("kept_{n}"))?)));
         }
-        Ok(Some(Self {
-            effect,
-            slope: DVector::from_vec(read("slope")?),
-            curve: DVector::from_vec(read("curve")?),
-            reach: read("reach")?.first().copied().unwrap_or_default(),
-            kept,
-        }))
+        let reach = read("reach")?.first().copied().unwrap_or_default();
+        Ok(Some(Self { effect, course: Course::get(file, &group)?, reach, kept }))
     }
 }
 
@@ -205,8 +210,8 @@ impl<'a> Projector<'a> {
 
     /// How well amplitudes of an effect explain `rest`, which survived.
     pub fn explain(&self, signature: &Signature, rest: &DVector<f64>) -> Explained {
-        let (slope, _) = self.surviving(&signature.slope);
-        let (curve, _) = self.surviving(&signature.curve);
+        let (slope, _) = self.surviving(&signature.course.mean.slope);
+        let (curve, _) = self.surviving(&signature.course.mean.curve);
         Explained {
             rest: [rest.dot(&slope), rest.dot(&curve)],
             products: [slope.dot(&slope), slope.dot(&curve), curve.dot(&curve)],
@@ -293,7 +298,9 @@ mod tests {
     fn signature() -> Signature {
         let effect = Effect::named("limit_chain").unwrap();
         let [little, much] = [0.05, 0.8].map(saturating);
-        Signature::new(effect, (0.05, &little), Some((0.8, &much)), [(0.8, much.clone())])
+        let exact = |mean: DVector<f64>| Change { off: DVector::zeros(3), mean };
+        let kept = [(0.05, little.clone()), (0.8, much.clone())];
+        Signature::new(effect, (0.05, exact(little)), Some((0.8, exact(much))), kept)
     }
 
     #[test]
@@ -311,6 +318,25 @@ mod tests {
             let off = signature.rate(amplitude) - change / (2.0 * step);
             assert!(off.norm() < 1e-8, "{amplitude}: {off}");
         }
+    }
+
+    #[test]
+    fn what_a_mesh_is_off_is_taken_from_its_own_changes() {
+        let effect = Effect::named("limit_chain").unwrap();
+        let own = |a: f64| saturating(a) + DVector::from_vec(vec![0.0, 0.0, a - 0.4 * a * a]);
+        let off = |a: f64| Change { off: own(a) - saturating(a), mean: saturating(a) };
+        let kept = [0.05, 0.8, 1.6].map(|a| (a, own(a)));
+        let signature = Signature::new(effect, (0.05, off(0.05)), Some((0.8, off(0.8))), kept);
+        for a in [0.05, 0.3, 0.8] {
+            assert!((own(a) - signature.off(a) - saturating(a)).norm() < 1e-12, "{a}");
+        }
+        let expected = [0.05, 0.8].map(saturating);
+        for ((_, kept), expected) in signature.kept.iter().zip(&expected) {
+            assert!((kept - expected).norm() < 1e-12);
+        }
+        // Beyond the reach the mesh is off in proportion.
+        let far = &signature.kept[2].1 - (own(1.6) - 2.0 * off(0.8).off);
+        assert!(far.norm() < 1e-12);
     }
 
     #[test]

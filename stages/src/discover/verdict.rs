@@ -173,7 +173,7 @@ impl<'a> Judge<'a> {
     /// What the moduli leave of the seen residuals.
     fn projector(&self) -> Projector<'_> {
         let moduli: Vec<DVector<f64>> =
-            self.evidence.by_moduli.iter().map(|v| self.seen(v)).collect();
+            self.evidence.slopes().into_iter().map(|v| self.seen(v)).collect();
         Projector::new(&self.whitener, &moduli)
     }
 
@@ -182,7 +182,8 @@ impl<'a> Judge<'a> {
     /// tried does.
     pub fn amplitudes_of(&self, size: f64) -> Vec<(&'static Effect, Option<f64>)> {
         let projector = self.projector();
-        let bends = self.evidence.bends.each_ref().map(|v| self.seen(v));
+        let moduli = self.evidence.by_moduli.each_ref();
+        let bends = moduli.map(|course| self.seen(&course.mean.curve));
         let amplitude = |signature: &Signature| {
             let seen = signature.of(|v| self.seen(v));
             (signature.effect, projector.amplitude_of(&seen, &bends, size))
@@ -272,7 +273,7 @@ impl<'a> Judge<'a> {
 
     /// What is fitted to the residuals of a pose whatever the effect: rigid motion and moduli (mm).
     pub(super) fn fitted(&self, pose: usize) -> Vec<DVector<f64>> {
-        let moduli = self.evidence.by_moduli.iter();
+        let moduli = self.evidence.slopes().into_iter();
         let moduli = moduli.map(|column| part(column, &[pose], self.evidence.nodes()));
         self.evidence.shapes[pose].rigid_modes().into_iter().chain(moduli).collect()
     }

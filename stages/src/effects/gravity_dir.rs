@@ -1,11 +1,8 @@
 //! A person who lies turned on her front.
 
-use super::{Amplitude, Effect};
+use super::{Amplitude, Effect, on_the_front};
 use mammotwin_data::{Vec3, units::DEGREE};
 use nalgebra::{Rotation3, Unit};
-
-/// Gravity that points forwards by more than this is that of a person on her front.
-const ON_THE_FRONT: f64 = 0.7;
 
 pub(super) const EFFECT: Effect = Effect {
     name: "gravity_dir",
@@ -22,7 +19,7 @@ pub(super) const EFFECT: Effect = Effect {
     confused_with: &["left_right"],
     separated_by: "the plane of the sternum; an inclinometer on the table",
     apply: |recipe, amplitude, _| {
-        if recipe.gravity.y > ON_THE_FRONT {
+        if on_the_front(recipe) {
             let axis = Unit::new_unchecked(Vec3::z());
             recipe.gravity = Rotation3::from_axis_angle(&axis, amplitude * DEGREE) * recipe.gravity;
         }

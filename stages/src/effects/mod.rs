@@ -6,6 +6,7 @@
 
 mod bond_region;
 mod compressible;
+mod cooper_anisotropy;
 mod cranial_ligament;
 mod density;
 mod fascia_limit;
@@ -16,9 +17,11 @@ mod inframammary_slack;
 mod lateral_ligament;
 mod left_right;
 mod limit_chain;
+mod pectoral_shift;
 mod skin_prestress;
 mod skin_region;
 mod skin_thickness;
+mod viscosity;
 
 use crate::model::{Anatomy, Ligament, Recipe, Tether};
 use mammotwin_data::{Failure, Vec3, mesh::TetMesh};
@@ -26,7 +29,7 @@ use std::collections::BTreeMap;
 
 /// All effects, in the order in which they are listed. The study's reader knows their names as
 /// [`mammotwin_data::study::EFFECTS`]; a test keeps the two alike.
-pub const EFFECTS: [&Effect; 15] = [
+pub const EFFECTS: [&Effect; 18] = [
     &limit_chain::EFFECT,
     &fascia_limit::EFFECT,
     &cranial_ligament::EFFECT,
@@ -37,10 +40,13 @@ pub const EFFECTS: [&Effect; 15] = [
     &skin_prestress::EFFECT,
     &gland_inclusion::EFFECT,
     &compressible::EFFECT,
+    &cooper_anisotropy::EFFECT,
     &friction::EFFECT,
     &bond_region::EFFECT,
     &left_right::EFFECT,
     &gravity_dir::EFFECT,
+    &pectoral_shift::EFFECT,
+    &viscosity::EFFECT,
     &density::EFFECT,
 ];
 
@@ -122,6 +128,14 @@ pub fn apply(
     Ok(())
 }
 
+/// Gravity that points forwards by more than this is that of a person on her front.
+const ON_THE_FRONT: f64 = 0.7;
+
+/// Whether a recipe is that of a person on her front.
+fn on_the_front(recipe: &Recipe) -> bool {
+    recipe.gravity.y > ON_THE_FRONT
+}
+
 /// Multiplies the stiffness of one ligament.
 fn stiffen(recipe: &mut Recipe, ligament: Ligament, factor: f64) {
     for Tether { stiffness, .. } in recipe.tethers_of(ligament) {
@@ -132,7 +146,10 @@ fn stiffen(recipe: &mut Recipe, ligament: Ligament, factor: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mammotwin_data::study::{InterfaceKind, InterfacePlan, InterfaceRegion};
+    use crate::model::TissuePlan;
+    use mammotwin_data::study::{
+        InterfaceKind, InterfacePlan, InterfaceRegion, LawConstants, LawName,
+    };
 
     #[test]
     fn the_reader_of_studies_knows_the_same_effects() {
@@ -151,16 +168,23 @@ mod tests {
         }
     }
 
-    /// Applies one effect to a recipe without elements.
+    fn fat() -> TissuePlan {
+        let (law, constants) = (LawName::NeoHookean, LawConstants::default());
+        TissuePlan { law, young_kpa: 0.5, poisson: 0.49, jm: None, constants }
+    }
+
+    /// Applies one effect to a recipe of one element.
     fn with(name: &str, amplitude: f64, kind: InterfaceKind, gravity: Vec3) -> Recipe {
         let mut recipe = Recipe {
-            tissue: Vec::new(),
+            tissue: vec![fat()],
             skin: Vec::new(),
             fascia: Vec::new(),
             tethers: Vec::new(),
             density_g_per_cm3: 1.0,
             gravity,
             skin_stretch: 1.0,
+            fibres_kpa: 0.0,
+            wall_shift_mm: 0.0,
             interface: InterfacePlan::uniform(kind, Some(0.1)),
         };
         let anatomy = Anatomy { sternum_x_mm: 0.0, breasts: Vec::new() };
@@ -192,6 +216,16 @@ mod tests {
         for gravity in [-Vec3::y(), -Vec3::z(), Vec3::new(-0.74, -0.67, 0.0).normalize()] {
             assert_eq!(of(gravity), gravity);
         }
+    }
+
+    #[test]
+    fn creep_and_moved_muscle_are_those_of_a_person_on_her_front() {
+        let of = |name, gravity| with(name, 0.5, InterfaceKind::Bonded, gravity);
+        assert_eq!(of("pectoral_shift", Vec3::y()).wall_shift_mm, 0.5);
+        assert_eq!(of("pectoral_shift", -Vec3::y()).wall_shift_mm, 0.0);
+        assert_eq!(of("viscosity", Vec3::y()).tissue[0].young_kpa, 0.75);
+        assert_eq!(of("viscosity", -Vec3::z()).tissue[0].young_kpa, 0.5);
+        assert_eq!(of("cooper_anisotropy", -Vec3::z()).fibres_kpa, 0.25);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! The contact of the breast with the chest wall, region by region (Mîra 2018, § 3.4, appendix C).
 
-use super::{Body, ligaments::region};
+use super::{Body, Recipe, ligaments::region};
 use mammotwin_data::{
     Vec3,
     mesh::Patch,
@@ -18,10 +18,11 @@ use std::collections::BTreeMap;
 /// A coefficient of friction without meaning.
 pub(super) fn support(
     body: &Body,
-    plan: &InterfacePlan,
+    recipe: &Recipe,
     model: &mut Model,
     rest: &[Vec3],
 ) -> Result<(), ModelError> {
+    let plan: &InterfacePlan = &recipe.interface;
     let reference = &body.mesh.points;
     let faces = body.mesh.patch(Patch::ChestWall);
     // Regions without a plan of their own are one with what lies outside.
@@ -37,7 +38,10 @@ pub(super) fn support(
         let friction = Slip::Coulomb(plan.of(*part).coefficient());
         let (opening, slip) = match kind {
             InterfaceKind::Bonded => {
-                nodes.iter().for_each(|&n| model.hold(n, reference[n as usize]));
+                for &node in nodes {
+                    let place = &reference[node as usize];
+                    model.hold(node, place + shift(body, place, recipe.wall_shift_mm));
+                }
                 continue;
             }
             InterfaceKind::NoSeparation => (Opening::Never, friction),
@@ -53,4 +57,13 @@ pub(super) fn support(
         model.add(sliding)?;
     }
     Ok(())
+}
+
+/// How far (mm) a place of the chest wall stands out when it does so by `mm` behind the middle of each breast, less and less towards
+/// the rims of their bases.
+fn shift(body: &Body, place: &Vec3, mm: f64) -> Vec3 {
+    match body.anatomy.nearest(place) {
+        Some((base, radius)) => mm * (-radius * radius).exp() * base.normal,
+        None => Vec3::zeros(),
+    }
 }

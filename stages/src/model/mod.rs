@@ -26,7 +26,7 @@ use mammotwin_data::{
 use mammotwin_solver::{
     materials::LawError,
     model::{Model, ModelError},
-    terms::{Bulk, Cables, Gravity, GridDistance, Membrane, Target},
+    terms::{Bulk, Cables, Fibres, Gravity, GridDistance, Membrane, Target},
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -118,6 +118,12 @@ impl<'a> Body<'a> {
             Some(quadratic) => quadratic.tissues(&mut model, rest, &recipe),
         }
         .map_err(|cause| Failure::BadInput(format!("model: {cause}")))?;
+        if recipe.fibres_kpa > 0.0 {
+            let fibres = self.fibres(rest, recipe.fibres_kpa);
+            fibres
+                .and_then(|fibres| model.add(fibres))
+                .map_err(|cause| Failure::BadInput(format!("model: {cause}")))?;
+        }
         self.support(&mut model, rest, &recipe)?;
         Ok(model)
     }
@@ -147,10 +153,21 @@ impl<'a> Body<'a> {
         Ok(())
     }
 
+    /// Fibres along the normal of the nearest breast's base; quadratic elements have them in their parts.
+    fn fibres(&self, rest: &[Vec3], young_kpa: f64) -> Result<Fibres, ModelError> {
+        let direction = |tet: &[u32; 4]| {
+            let center = tet.iter().map(|&n| self.mesh.points[n as usize]).sum::<Vec3>() / 4.0;
+            self.anatomy.nearest(&center).map_or(Vec3::y(), |(base, _)| base.normal)
+        };
+        let directions: Vec<Vec3> = self.mesh.tets.iter().map(direction).collect();
+        let mesh = TetMesh { points: rest.to_vec(), ..self.mesh.clone() };
+        Fibres::new("fibres", &mesh, &directions, young_kpa)
+    }
+
     /// Chest wall, ligaments and cut edges (Mîra 2018, § 3.4).
     fn support(&self, model: &mut Model, rest: &[Vec3], recipe: &Recipe) -> Result<(), Failure> {
         let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("model: {cause}"));
-        interface::support(self, &recipe.interface, model, rest).map_err(|c| refuse(&c))?;
+        interface::support(self, recipe, model, rest).map_err(|c| refuse(&c))?;
         let young_kpa = self.plan.ligaments.young_kpa;
         let sides = lateral_cables(self.mesh, rest);
         let sides = sides.iter().map(|cable| recipe::tied(cable, young_kpa, 0.0)).collect();

@@ -89,6 +89,10 @@ pub struct Recipe {
     pub gravity: Vec3,
     /// Stretch of the skin in the stress-free shape of the whole: 1 where it is at rest too.
     pub skin_stretch: f64,
+    /// Young's modulus (kPa) of fibres from the chest wall to the skin; zero for none.
+    pub fibres_kpa: f64,
+    /// How far (mm) the chest wall behind the breasts stands out beyond that of the reference pose, where they are bonded.
+    pub wall_shift_mm: f64,
     /// What happens between breast and muscle.
     pub interface: InterfacePlan,
 }
@@ -155,6 +159,8 @@ impl Recipe {
             density_g_per_cm3: plan.density_g_per_cm3,
             gravity,
             skin_stretch: 1.0,
+            fibres_kpa: 0.0,
+            wall_shift_mm: 0.0,
             interface: plan.interface.clone(),
         };
         effects::apply(&mut recipe, &plan.effects, &Scene { mesh, anatomy })?;

@@ -65,6 +65,8 @@ pub struct Settings {
     pub still: bool,
     /// Elements that the study asks for; the preset's when absent.
     pub elements: Option<Elements>,
+    /// Edges of the elements of the truth (mm); the preset's when absent.
+    pub truth_mm: Option<f64>,
     /// Folder to write to; made when missing.
     pub out_dir: PathBuf,
 }
@@ -81,6 +83,7 @@ impl Settings {
             hidden: BTreeMap::new(),
             still: false,
             elements: None,
+            truth_mm: None,
             out_dir: out_dir.into(),
         }
     }
@@ -117,6 +120,7 @@ pub fn synthesize(settings: &Settings, progress: &dyn Progress) -> Result<Writte
     let preset = Preset::named(&settings.preset)?;
     let mut person = preset.person(settings.seed);
     person.effects.clone_from(&settings.hidden);
+    person.truth_mesh.size_mm = settings.truth_mm.unwrap_or(person.truth_mesh.size_mm);
     person.study_mesh.elements = settings.elements.unwrap_or(person.study_mesh.elements);
     let torso = Torso::new(person, settings.seed);
     let out = &settings.out_dir;

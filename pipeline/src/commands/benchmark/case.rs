@@ -44,6 +44,8 @@ pub struct Case {
     pub kind: Kind,
     /// Edges of her voxels (mm); `None` for the preset's.
     pub voxel_mm: Option<[f64; 3]>,
+    /// Edges of the elements of the truth (mm); `None` for the preset's.
+    pub truth_mm: Option<f64>,
 }
 
 impl Case {
@@ -55,7 +57,9 @@ impl Case {
             Some((effect, amplitude)) => format!("{}_{}_{amplitude:.6}", effect.name, self.sigma),
         };
         let voxel = self.voxel_mm.map_or(String::new(), |[x, y, z]| format!("-{x}x{y}x{z}mm"));
-        self.out.join(kind).join(format!("{}-{}{voxel}", self.preset, self.seed)).join(name)
+        let truth = self.truth_mm.map_or(String::new(), |mm| format!("-truth-{mm}mm"));
+        let person = format!("{}-{}{voxel}{truth}", self.preset, self.seed);
+        self.out.join(kind).join(person).join(name)
     }
 
     /// Whether a stage has been computed already.
@@ -74,6 +78,7 @@ impl Case {
             hidden: self.hidden.iter().map(|(e, a)| (e.name.to_string(), *a)).collect(),
             still: self.kind == Kind::Exact,
             elements: Some(Elements::Quadratic),
+            truth_mm: self.truth_mm,
             out_dir: folder.clone(),
         };
         let mut study = made(&settings)?;

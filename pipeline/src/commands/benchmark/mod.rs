@@ -8,7 +8,10 @@ mod case;
 mod page;
 mod tally;
 
-use super::{synth::voxels, write};
+use super::{
+    synth::{truth_edge, voxels},
+    write,
+};
 use crate::{cli::BenchmarkArguments, display::Task};
 use case::{Case, Kind};
 use mammotwin_data::{Failure, progress::Progress};
@@ -53,7 +56,7 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
         arguments.effects.is_empty() || arguments.effects.iter().any(|name| name == effect.name)
     };
     Preset::named(&arguments.preset)?;
-    let voxel_mm = voxels(&arguments.voxel_mm)?;
+    let (voxel_mm, truth_mm) = (voxels(&arguments.voxel_mm)?, truth_edge(arguments.truth_mm)?);
     let out = &arguments.out;
     fs::create_dir_all(out).map_err(|cause| Failure::io(out, cause))?;
     let end = arguments.minutes.map(|minutes| Instant::now() + Duration::from_secs(60 * minutes));
@@ -69,6 +72,7 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
             sigma,
             kind,
             voxel_mm,
+            truth_mm,
         };
         task.report(0.0, &format!("seed {seed}: nothing hidden"));
         let null = case(None, 0.0, Kind::Exact).evidence()?;

@@ -48,6 +48,7 @@ pub fn markdown(results: &Results, arguments: &BenchmarkArguments) -> String {
         true => String::new(),
         false => format!(" --voxel-mm {}", voxel_mm.join(",")),
     };
+    let truth = arguments.truth_mm.map_or(String::new(), |mm| format!(" --truth-mm {mm}"));
     let effects = match arguments.effects.is_empty() {
         true => String::new(),
         false => format!(" --effects {}", arguments.effects.join(",")),
@@ -55,7 +56,7 @@ pub fn markdown(results: &Results, arguments: &BenchmarkArguments) -> String {
     let _ = writeln!(
         text,
         "# What `discover` finds of what was hidden\n\n\
-         Made by `mammotwin study discovery --preset {}{voxel} --seeds {} --draws {} --sigmas {}{effects} --images {}`. Each \
+         Made by `mammotwin study discovery --preset {}{voxel}{truth} --seeds {} --draws {} --sigmas {}{effects} --images {}`. Each \
          volunteer is deformed on another mesh of quadratic elements with the effect, and analysed without it; tilted \
          is held out. Severity counts standard deviations of the seen poses after the moduli took what they can. In \
          *single*, *null*, *decoy* and *outside* her labels are the true ones and errors of \
