@@ -11,7 +11,7 @@ use mammotwin_stages::{
         library::{CURVE_EFFECTS, CurveEffect},
         record::{Channel, Reading, Record, RecordError},
         search::{amplitude_of, refit, screen, size_of},
-        trial::{Measuring, Person, measured},
+        trial::{Measuring, Person, drawn_stiffness, measured},
         verdict::judge,
     },
 };
@@ -61,7 +61,9 @@ fn evidence() -> Evidence {
 const PLACES: (usize, f64, f64) = (16, 110.0, 46.0);
 
 fn drawn(truth: &Pressed, how: Measuring, seed: u64) -> Record {
-    measured(truth, PLACES, &RecordError::default(), how, seed).0
+    let error = RecordError::default();
+    let stiffness = drawn_stiffness(&error, 1_000_000 + seed);
+    measured(truth, PLACES, &error, how, (stiffness, seed)).0
 }
 
 #[test]
@@ -152,7 +154,9 @@ fn what_is_all_forces_alike_is_told_from_stiffness_by_its_prior_alone() {
 fn errors_alone_pass_the_limit_as_rarely_as_it_says() {
     let evidence = evidence();
     let verdicts: Vec<_> = (0..300)
-        .map(|seed| judge(&evidence, &drawn(&evidence.plain, Measuring::USUAL, seed)).unwrap())
+        .map(|seed| {
+            judge(&evidence, &drawn(&evidence.plain, Measuring::USUAL, seed), None).unwrap()
+        })
         .collect();
     let alarms =
         verdicts.iter().filter(|v| v.scores.iter().any(|s| s.testable && s.z > v.limit)).count();
@@ -168,7 +172,7 @@ fn a_thickness_that_is_shown_wrongly_is_no_physics() {
     let evidence = evidence();
     let how = Measuring { offset_mm: 6.0, ..Measuring::USUAL };
     for seed in 0..20 {
-        let verdict = judge(&evidence, &drawn(&evidence.plain, how, seed)).unwrap();
+        let verdict = judge(&evidence, &drawn(&evidence.plain, how, seed), None).unwrap();
         assert_ne!(verdict.verdict, VerdictName::Named, "{}", verdict.reason);
     }
 }
@@ -177,8 +181,9 @@ fn a_thickness_that_is_shown_wrongly_is_no_physics() {
 fn too_few_forces_are_insufficient() {
     let evidence = evidence();
     let places = (6, 110.0, 46.0);
-    let (record, _) = measured(&evidence.plain, places, &evidence.error, Measuring::USUAL, 3);
-    assert_eq!(judge(&evidence, &record).unwrap().verdict, VerdictName::InsufficientData);
+    let (record, _) =
+        measured(&evidence.plain, places, &evidence.error, Measuring::USUAL, (1.0, 3));
+    assert_eq!(judge(&evidence, &record, None).unwrap().verdict, VerdictName::InsufficientData);
 }
 
 #[test]
@@ -236,4 +241,34 @@ fn effects_go_on_from_what_the_study_has() {
     assert!((named("limit_chain").range)(&plan(PaddleName::Rigid, LawName::Ogden)).is_none());
     let most = (named("prestress_gravity").range)(&neo).unwrap();
     assert_eq!(most, [0.0, 1.0]);
+}
+
+#[test]
+fn another_record_bears_out_a_bend_and_nothing_else() {
+    let evidence = evidence();
+    let stiffness = 1.05;
+    let places = drawn(&evidence.plain, Measuring::USUAL, 1);
+    let amplitude = Parameters { amplitude: 0.2, ..Parameters::default() };
+    let truth = |n: u64, at: &Parameters| {
+        let own = evidence.as_measured(&places, Some(0), at).unwrap();
+        // Errors of a plain record on top of what the bend changes.
+        let drawn =
+            measured(&evidence.plain, PLACES, &evidence.error, Measuring::USUAL, (stiffness, n)).0;
+        let plain = evidence.predicted(&drawn.0, None, &Parameters::default());
+        let all = own.0.iter().zip(&drawn.0).zip(plain.iter());
+        let sum = all.map(|((own, drawn), plain)| Reading {
+            value: own.value + drawn.value - plain,
+            ..*own
+        });
+        Record(sum.collect())
+    };
+    for seed in 0..5 {
+        let [seen, another] = [2 * seed, 2 * seed + 1].map(|n| truth(n, &amplitude));
+        let found = judge(&evidence, &seen, Some(&another)).unwrap();
+        assert!(found.candidates[0].held_out_z > 2.0, "{:?}", found.candidates);
+        let [seen, another] =
+            [2 * seed, 2 * seed + 1].map(|n| truth(100 + n, &Parameters::default()));
+        let found = judge(&evidence, &seen, Some(&another)).unwrap();
+        assert_ne!(found.verdict, VerdictName::Named, "{}", found.reason);
+    }
 }

@@ -10,7 +10,9 @@ use mammotwin_stages::{
         evidence::Evidence,
         library::CurveEffect,
         record::{Channel, RecordError},
-        trial::{Measuring, Meshed, Person, Way, gathered, measured, press_all, ways},
+        trial::{
+            Measuring, Meshed, Person, Way, drawn_stiffness, gathered, measured, press_all, ways,
+        },
         verdict::{CurveVerdict, judge},
     },
 };
@@ -51,8 +53,10 @@ const ALL: [Channel; 3] = [Channel::Force, Channel::Area, Channel::Extent];
 
 fn judged(truth: usize, how: Measuring, seed: u64) -> CurveVerdict {
     let error = RecordError::default();
-    let (record, _) = measured(&UNIT.truths[truth], PLACES, &error, how, seed);
-    let found = judge(&UNIT.evidence, &record.only(&ALL)).unwrap();
+    let stiffness = drawn_stiffness(&error, 1000 + seed);
+    let [record, another] = [2 * seed, 2 * seed + 1]
+        .map(|n| measured(&UNIT.truths[truth], PLACES, &error, how, (stiffness, n)).0.only(&ALL));
+    let found = judge(&UNIT.evidence, &record, Some(&another)).unwrap();
     println!(
         "{truth} seed {seed}: {:?} {:?} {:?} limit {:.2} offset {:.1} stiffness {:.2} left {:.1} {:?} {:?}",
         found.verdict,

@@ -7,14 +7,14 @@ pub(super) const FORCE_CURVE_HELP: &str = "\
 With a study and a record: presses the breast of the study with each effect of the compression at several
 amplitudes and on other meshes, and says which effect the record has and the model lacks. The record is a CSV
 table thickness_mm,force_n with, if measured, contact_area_mm2, extent_mm and tilt_deg (cells may be empty);
-the smallest thicknesses decide. Files go to studies/force-curve in the output folder; for an effect that is
+another record of the same compression decides\n(--held-out), or the smallest thicknesses of the record. Files go to studies/force-curve in the output folder; for an effect that is
 named or in an ambiguous set, a new study beside the first has it switched on.
 
 Without a study: hides each effect in a digital volunteer who is pressed on a finer mesh of another pattern, draws
 errors, and counts how often the answer is right. Compressions that are there already are used again.
 
 Examples:
-  mammotwin study force-curve study.toml --record curve.csv
+  mammotwin study force-curve study.toml --record curve.csv --held-out again.csv
   mammotwin study force-curve --out runs/force-curve --seeds 7 --draws 20";
 
 /// The study of force curves.
@@ -26,6 +26,9 @@ pub struct ForceCurveArguments {
     /// Record: CSV table thickness_mm,force_n and further columns
     #[arg(long, value_name = "CURVE.csv", requires = "study")]
     pub record: Option<PathBuf>,
+    /// Another record of the same compression, which decides [default: the smallest thicknesses of the record]
+    #[arg(long, value_name = "CURVE.csv", requires = "record")]
+    pub held_out: Option<PathBuf>,
     /// Folder to write to [default: `out` beside the study file, or runs/force-curve]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,

@@ -25,10 +25,18 @@ const POINTS: usize = 60;
 
 impl Band {
     /// Of a verdict on a record.
-    pub fn of(title: String, evidence: &Evidence, record: &Record, found: &CurveVerdict) -> Self {
-        let [seen, _] = record.split();
-        let seen = record.rows(&seen);
+    pub fn of(
+        title: String,
+        evidence: &Evidence,
+        (record, another): (&Record, Option<&Record>),
+        found: &CurveVerdict,
+    ) -> Self {
+        let seen = match another {
+            Some(_) => record.clone(),
+            None => record.rows(&record.split()[0]),
+        };
         let is_seen = |r: &Reading| seen.0.contains(r);
+        let more = another.iter().flat_map(|another| &another.0);
         let forces: Vec<&Reading> =
             record.0.iter().filter(|r| r.channel == Channel::Force).collect();
         let ends = [forces.first(), forces.last()].map(|r| r.map_or(0.0, |r| r.thickness_mm));
@@ -55,7 +63,14 @@ impl Band {
         };
         Self {
             title,
-            record: forces.iter().map(|r| (r.thickness_mm, r.value, is_seen(r))).collect(),
+            record: forces
+                .iter()
+                .map(|r| (r.thickness_mm, r.value, is_seen(r)))
+                .chain(
+                    more.filter(|r| r.channel == Channel::Force)
+                        .map(|r| (r.thickness_mm, r.value, false)),
+                )
+                .collect(),
             model: (0..POINTS).map(row).collect(),
             with: best.map(|best| format!("with {} {:.3}", best.effect, best.amplitude[0])),
         }

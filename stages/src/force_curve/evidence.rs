@@ -104,10 +104,21 @@ const FREE: f64 = 5.0;
 const STEPS: usize = 12;
 const STEP_MM: f64 = 0.05;
 const STEP_STIFFNESS: f64 = 0.01;
+/// Refinements of an offset alone.
+const PLACINGS: usize = 24;
 /// Part of an effect's range.
 const STEP_AMPLITUDE: f64 = 0.0125;
 /// Largest offset (mm) and logarithm of a stiffness in a fit.
 const FARTHEST: [f64; 2] = [15.0, 1.5];
+
+/// What the held-out readings are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HeldOut {
+    /// The last forces of the same record.
+    Last,
+    /// Another record of the same compression.
+    Another,
+}
 
 /// A record beside the model.
 pub struct Weighed<'a> {
@@ -332,14 +343,15 @@ impl<'a> Weighed<'a> {
         found
     }
 
-    /// Held-out readings in independent standard deviations, with offset and stiffness of a fit without and
-    /// with an effect: less what the errors of the seen readings foretell of theirs. What the fit with the
-    /// effect leaves open of its three numbers is in the errors of both.
+    /// Held-out readings in independent standard deviations, with the parameters of a fit without and with an
+    /// effect, each at the seen and at the held-out readings: less what the errors of the seen ones foretell of
+    /// theirs. What the fit with the effect leaves open of its three numbers is in the errors of both.
     pub fn foretold(
         &self,
         [seen, held_out]: [&[usize]; 2],
-        plain: &Parameters,
-        (ladder, with): (usize, &Parameters),
+        plain: [&Parameters; 2],
+        (ladder, with): (usize, [&Parameters; 2]),
+        record: HeldOut,
     ) -> Option<[DVector<f64>; 2]> {
         let block = |rows: &[usize], columns: &[usize]| {
             self.covariance.select_rows(rows).select_columns(columns)
@@ -347,24 +359,58 @@ impl<'a> Weighed<'a> {
         let between = block(held_out, seen);
         let factor = block(seen, seen).cholesky()?;
         let known = factor.solve(&between.transpose()).transpose();
-        // What is left of a column of all readings once the seen ones are known.
-        let left = |all: &DVector<f64>| all.select_rows(held_out) - &known * all.select_rows(seen);
-        let columns = self.by_parameters(ladder, with);
-        let own: Vec<DVector<f64>> = columns.iter().map(|c| c.select_rows(seen)).collect();
+        let [at_seen, at_held_out] = with.map(|at| self.by_parameters(ladder, at));
+        let own: Vec<DVector<f64>> = at_seen.iter().map(|c| c.select_rows(seen)).collect();
         let own = DMatrix::from_columns(&own);
-        let [offset, stiffness] = self.priors.map(|size| size.powi(-2));
-        let prior = DMatrix::from_diagonal(&DVector::from_vec(vec![offset, stiffness, 0.0]));
+        let [offset, stiffness] = self.priors;
+        let prior = [offset.powi(-2), stiffness.powi(-2), 0.0].to_vec();
+        let prior = DMatrix::from_diagonal(&DVector::from_vec(prior));
         let open = (own.transpose() * factor.solve(&own) + prior).try_inverse()?;
-        let by: Vec<DVector<f64>> = columns.iter().map(left).collect();
-        let by = DMatrix::from_columns(&by);
-        let covariance =
-            block(held_out, held_out) - &known * between.transpose() + &by * open * by.transpose();
+        let mut by = DMatrix::from_columns(
+            &at_held_out.each_ref().map(|column| column.select_rows(held_out)),
+        );
+        let mut covariance = block(held_out, held_out) - &known * between.transpose();
+        if record == HeldOut::Another {
+            // It has an offset and a gain of its own.
+            let moved = by.column(0).into_owned();
+            covariance += offset.powi(2) * &moved * moved.transpose();
+            let gained = by.column(1).into_owned();
+            covariance += 2.0 * self.evidence.error.gain.powi(2) * &gained * gained.transpose();
+            by.column_mut(0).fill(0.0);
+        }
+        // What is left of a column once the seen readings are known.
+        by -= &known * own;
+        covariance += &by * open * by.transpose();
         let factor = covariance.cholesky()?;
-        Some([self.off(None, plain), self.off(Some(ladder), with)].map(|all| {
-            let mut rows = left(&all);
+        let white = |ladder: Option<usize>, [seen_at, held_out_at]: [&Parameters; 2]| {
+            let off = self.off(ladder, held_out_at).select_rows(held_out);
+            let mut rows = off - &known * self.off(ladder, seen_at).select_rows(seen);
             factor.l_dirty().solve_lower_triangular_mut(&mut rows);
             rows
-        }))
+        };
+        Some([white(None, plain), white(Some(ladder), with)])
+    }
+
+    /// The offset of a record alone, everything else as it is.
+    pub fn placed(&self, ladder: Option<usize>, start: Parameters) -> Parameters {
+        let size = |at: &Parameters| {
+            self.whiten(self.off(ladder, at)).norm_squared()
+                + (at.offset_mm / self.priors[0]).powi(2)
+        };
+        let (mut best, mut step) = (start, 8.0);
+        let mut least = size(&best);
+        for _ in 0..PLACINGS {
+            for way in [-step, step] {
+                let offset_mm = (best.offset_mm + way).clamp(-FARTHEST[0], FARTHEST[0]);
+                let tried = Parameters { offset_mm, ..best };
+                let here = size(&tried);
+                if here < least {
+                    (best, least) = (tried, here);
+                }
+            }
+            step *= 0.7;
+        }
+        best
     }
 
     /// Changes of the predictions (units of the quantities) by offset, stiffness and amplitude.

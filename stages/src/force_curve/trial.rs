@@ -281,19 +281,25 @@ impl Measuring {
     pub const USUAL: Self = Self { noise: 1.0, offset_mm: 0.0, gain: 1.0 };
 }
 
-/// A record of a pressed truth at so many thicknesses down to one, with drawn errors; and the drawn factor of
-/// all forces: tissue stiffer than a calibration says, and the gain of the force.
+/// How much stiffer a person's tissue is than her calibration says, drawn.
+pub fn drawn_stiffness(error: &RecordError, seed: u64) -> f64 {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let normal: f64 = StandardNormal.sample(&mut random);
+    (error.stiffness * normal).exp()
+}
+
+/// A record of a pressed truth at so many thicknesses down to one, with drawn errors, of tissue stiffer by a
+/// factor; and the factor of all its forces, the drawn gain included.
 pub fn measured(
     truth: &Pressed,
     (points, thickest_mm, thinnest_mm): (usize, f64, f64),
     error: &RecordError,
     how: Measuring,
-    seed: u64,
+    (stiffness, seed): (f64, u64),
 ) -> (Record, f64) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
     let offset = error.thickness_mm * normal() + how.offset_mm;
-    let stiffness = (error.stiffness * normal()).exp();
     let gain = (error.gain * normal()).exp() * how.gain;
     let mut readings = Vec::new();
     for n in 0..points {

@@ -1,7 +1,7 @@
 //! The answer, and what it rests on.
 
 use super::{
-    evidence::{Evidence, Parameters},
+    evidence::{Evidence, HeldOut, Parameters},
     library::CurveEffect,
     record::Record,
     search::{ALIKE_COSINE, CurveScore, CurveScreening, Fitted, refit, screen},
@@ -63,12 +63,32 @@ pub struct CurveVerdict {
     pub candidates: Vec<CurveCandidate>,
 }
 
-/// Judges a record; `None` when the errors have no covariance.
-pub fn judge(evidence: &Evidence, record: &Record) -> Option<CurveVerdict> {
-    let whole = evidence.weigh(record)?;
-    let [seen_rows, held_out_rows] = record.split();
-    let seen = record.rows(&seen_rows);
+/// Judges a record by another one of the same compression; by its own last forces where there is none. `None`
+/// when the errors have no covariance.
+pub fn judge(
+    evidence: &Evidence,
+    record: &Record,
+    another: Option<&Record>,
+) -> Option<CurveVerdict> {
+    let (joint, [seen_rows, held_out_rows], kind) = match another {
+        Some(another) => {
+            let (count, more) = (record.0.len(), another.0.len());
+            let joint = Record(record.0.iter().chain(&another.0).copied().collect());
+            let rows = [(0..count).collect(), (count..count + more).collect()];
+            (joint, rows, HeldOut::Another)
+        }
+        None => (record.clone(), record.split(), HeldOut::Last),
+    };
+    let whole = evidence.weigh(&joint)?;
+    let seen = joint.rows(&seen_rows);
     let weighed = whole.part(&seen, &seen_rows)?;
+    let held_out = joint.rows(&held_out_rows);
+    let decides = whole.part(&held_out, &held_out_rows)?;
+    // Another record has an offset of its own.
+    let there = |ladder: Option<usize>, at: &Parameters| match kind {
+        HeldOut::Last => *at,
+        HeldOut::Another => decides.placed(ladder, *at),
+    };
     let screening = screen(&weighed);
     let CurveScreening { scores, limit, plain, left, cosines } = screening;
     let not_testable = scores.iter().filter(|s| !s.testable).map(|s| s.effect).collect();
@@ -112,7 +132,9 @@ pub fn judge(evidence: &Evidence, record: &Record) -> Option<CurveVerdict> {
     for ladder in wanted {
         let fit = refit(&weighed, ladder, &plain);
         let rows = [&seen_rows[..], &held_out_rows[..]];
-        let [before, after] = whole.foretold(rows, &plain, (ladder, &fit.at))?;
+        let without = [&plain, &there(None, &plain)];
+        let with = [&fit.at, &there(Some(ladder), &fit.at)];
+        let [before, after] = whole.foretold(rows, without, (ladder, with), kind)?;
         let apart = (&before - &after).norm();
         let fall = before.norm_squared() - after.norm_squared();
         let size = (before.len() as f64).sqrt();
@@ -170,7 +192,7 @@ fn conclude(answer: &mut CurveVerdict, fits: &[(Fitted, CurveCandidate)], cosine
         (VerdictName::Unknown, text)
     } else if best.held_out_z <= -HELD_OUT {
         let text = format!(
-            "{} explains what was seen and foretells the smallest thicknesses worse than nothing ({:.1} \
+            "{} explains what was seen and foretells the held-out forces worse than nothing ({:.1} \
              standard errors): something that the library lacks.",
             best.effect, best.held_out_z
         );
@@ -179,13 +201,13 @@ fn conclude(answer: &mut CurveVerdict, fits: &[(Fitted, CurveCandidate)], cosine
         (VerdictName::Ambiguous, "Several effects explain the record equally well.".into())
     } else if best.held_out_z < HELD_OUT {
         let text = format!(
-            "{} explains what was seen; the smallest thicknesses gain {:.1} standard errors only.",
+            "{} explains what was seen; the held-out forces gain {:.1} standard errors only.",
             best.effect, best.held_out_z
         );
         (VerdictName::InsufficientData, text)
     } else {
         let sentence = CurveEffect::named(best.effect).map_or("", |e| e.sentence);
-        (VerdictName::Named, format!("{sentence} The smallest thicknesses bear it out."))
+        (VerdictName::Named, format!("{sentence} The held-out forces bear it out."))
     };
     if verdict == VerdictName::Named {
         answer.effect = Some(best.effect);

@@ -18,7 +18,9 @@ use mammotwin_stages::{
         library::{CURVE_EFFECTS, CurveEffect},
         record::{Channel, Record, RecordError},
         search::{amplitude_of, screen, size_of},
-        trial::{Measuring, Meshed, Person, Way, gathered, measured, press_all, ways},
+        trial::{
+            Measuring, Meshed, Person, Way, drawn_stiffness, gathered, measured, press_all, ways,
+        },
         verdict::judge,
     },
     volunteer::Preset,
@@ -180,7 +182,7 @@ impl Subject {
             (POINTS, THICKEST_MM, THINNEST_MM),
             &error,
             Measuring { noise: 0.0, ..Measuring::USUAL },
-            0,
+            (1.0, 0),
         );
         let none = || Failure::Numerics("study force-curve: errors without covariance".into());
         let places =
@@ -202,10 +204,18 @@ impl Subject {
         Ok(Self { seed: kept.person.seed, evidence, places, nothing, truths })
     }
 
-    fn record(&self, course: &Pressed, how: Measuring, draw: u64) -> (Record, f64) {
+    /// Two records of one compression, and the factor of all forces of the first.
+    fn records(&self, course: &Pressed, how: Measuring, draw: u64) -> ([Record; 2], f64) {
         let error = &self.evidence.error;
         let seed = self.seed.wrapping_mul(1_000_003).wrapping_add(draw);
-        measured(course, (POINTS, THICKEST_MM, THINNEST_MM), error, how, seed)
+        let stiffness = drawn_stiffness(error, seed);
+        let places = (POINTS, THICKEST_MM, THINNEST_MM);
+        let one = |n: u64| {
+            let own = seed.wrapping_mul(2).wrapping_add(n);
+            measured(course, places, error, how, (stiffness, own))
+        };
+        let ((first, factor), (second, _)) = (one(0), one(1));
+        ([first, second], factor)
     }
 
     /// All trials, each with every kind of data.
@@ -234,9 +244,10 @@ impl Subject {
             let (amplitude, sigma) = truth.map_or((0.0, 0.0), |t| (t.amplitude, t.sigma));
             let scaling = truth.map_or(0, |t| t.effect.scaling);
             let one = |draw: u64| -> Vec<Trial> {
-                let (record, factor) = self.record(course, *how, first + draw);
+                let (records, factor) = self.records(course, *how, first + draw);
                 let judged = |(data, channels): &(&'static str, &[Channel])| {
-                    let found = judge(evidence, &record.only(channels))?;
+                    let [record, another] = records.each_ref().map(|r| r.only(channels));
+                    let found = judge(evidence, &record, Some(&another))?;
                     let here = amplitude * factor.powi(-scaling);
                     let of = (*tier, self.seed, *data);
                     Some(Trial::new(of, (word, amplitude, sigma), here, &found))
@@ -252,7 +263,7 @@ impl Subject {
     /// What the data can show, and a figure and a record of each strong effect.
     fn show(&self, out: &Path, shown: &mut Shown) -> Result<(), Failure> {
         for (data, channels) in &DATA {
-            let seen = seen(&self.places.only(channels));
+            let seen = self.places.only(channels);
             let Some(weighed) = self.evidence.weigh(&seen) else { continue };
             let screening = screen(&weighed);
             let names = self.evidence.ladders.iter().map(|l| l.effect.name).collect();
@@ -262,7 +273,7 @@ impl Subject {
             let own = |l: &Ladder| l.effect.name == truth.effect.name;
             let ladder = self.evidence.ladders.iter().position(own);
             let sizes = DATA.map(|(_, channels)| {
-                let seen = seen(&self.places.only(channels));
+                let seen = self.places.only(channels);
                 ladder.and_then(|n| size_of(&self.evidence, &seen, n, truth.amplitude))
             });
             let (name, reached) = (truth.effect.name, truth.course.is_some());
@@ -270,35 +281,30 @@ impl Subject {
             let Some(course) = truth.course.as_ref().filter(|_| truth.sigma > SIGMAS[0]) else {
                 continue;
             };
-            let (record, _) = self.record(course, Measuring::USUAL, 0);
+            let ([record, another], _) = self.records(course, Measuring::USUAL, 0);
             let stem = format!("{name}_{}", self.seed);
             write(&out.join(format!("record_{stem}.csv")), record_table(&record))?;
-            let Some(found) = judge(&self.evidence, &record) else { continue };
+            write(&out.join(format!("record_{stem}_again.csv")), record_table(&another))?;
+            let Some(found) = judge(&self.evidence, &record, Some(&another)) else { continue };
             let title = format!("{name} {:.3} {} hidden", truth.amplitude, truth.effect.unit);
-            let figure = Band::of(title, &self.evidence, &record, &found);
+            let records = (&record, Some(&another));
+            let figure = Band::of(title, &self.evidence, records, &found);
             write(&out.join(format!("curves_{stem}.svg")), band(&figure))?;
         }
-        let (record, _) = self.record(&self.nothing, Measuring::USUAL, 0);
+        let ([record, _], _) = self.records(&self.nothing, Measuring::USUAL, 0);
         write(&out.join(format!("record_nothing_{}.csv", self.seed)), record_table(&record))
     }
-}
-
-/// What a search sees of a record.
-fn seen(record: &Record) -> Record {
-    let [seen, _] = record.split();
-    record.rows(&seen)
 }
 
 /// The amplitude of each effect at each severity, with all that may be measured, and no more than most of what
 /// the model reaches.
 fn severities(evidence: &Evidence, places: &Record) -> Vec<Truth> {
-    let seen = seen(places);
     let mut all = Vec::new();
     for (n, ladder) in evidence.ladders.iter().enumerate() {
         let most = WITHIN * ladder.range()[1];
         let mut before = 0.0;
         for sigma in SIGMAS {
-            let amplitude = amplitude_of(evidence, &seen, n, sigma).unwrap_or(most).min(most);
+            let amplitude = amplitude_of(evidence, places, n, sigma).unwrap_or(most).min(most);
             // An effect that cannot become stronger is hidden once.
             if amplitude > 1.01 * before {
                 all.push(Truth { effect: ladder.effect, amplitude, sigma, course: None });

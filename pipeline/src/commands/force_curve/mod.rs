@@ -86,19 +86,22 @@ fn analyse(
     };
     opened.refuse_wrong(&findings(&opened.study, &opened.base))?;
     let record = read_record(record)?;
-    let pressed = pressing(&plan, &record);
-    let mut evidence = gather(&opened, &pressed, &record, error)?;
+    let another = arguments.held_out.as_deref().map(read_record).transpose()?;
+    let mut both = record.clone();
+    both.0.extend(another.iter().flat_map(|another| &another.0));
+    let pressed = pressing(&plan, &both);
+    let mut evidence = gather(&opened, &pressed, &both, error)?;
     let no_covariance = || Failure::Numerics("study force-curve: errors without covariance".into());
-    let mut verdict = judge(&evidence, &record).ok_or_else(no_covariance)?;
+    let mut verdict = judge(&evidence, &record, another.as_ref()).ok_or_else(no_covariance)?;
     // Once more with whole solutions where the best effect was fitted.
     for _ in 0..ROUNDS {
         let Some(best) = verdict.candidates.first() else { break };
         let Some(effect) = CurveEffect::named(best.effect) else { break };
         let amplitude = best.amplitude[0];
-        if !refine(&opened, &pressed, &mut evidence, effect, amplitude, &record)? {
+        if !refine(&opened, &pressed, &mut evidence, effect, amplitude, &both)? {
             break;
         }
-        verdict = judge(&evidence, &record).ok_or_else(no_covariance)?;
+        verdict = judge(&evidence, &record, another.as_ref()).ok_or_else(no_covariance)?;
     }
     let folder = opened.store.out.join("studies").join("force-curve");
     fs::create_dir_all(&folder).map_err(|cause| Failure::io(&folder, cause))?;
@@ -107,7 +110,7 @@ fn analyse(
         .map_err(|cause| Failure::Numerics(format!("study force-curve: {cause}")))?;
     write(&folder.join("verdict.json"), format!("{text}\n"))?;
     let title = "Force over thickness, measured and simulated".to_owned();
-    let figure = Band::of(title, &evidence, &record, &verdict);
+    let figure = Band::of(title, &evidence, (&record, another.as_ref()), &verdict);
     write(&folder.join("curves.csv"), csv(&figure))?;
     write(&folder.join("curves.svg"), band(&figure))?;
     let sentences = page::said(&verdict, &record, added.as_deref());

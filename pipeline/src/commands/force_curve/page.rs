@@ -126,8 +126,7 @@ pub fn markdown(trials: &[Trial], shown: &Shown, arguments: &ForceCurveArguments
     let mut text = format!(
         "# Effects of the compression, hidden in digital volunteers\n\n`mammotwin study force-curve`: volunteers \
          `{preset}` of seeds {seeds:?}, tissue {stiffer} times as stiff, edges of {size_mm} mm (truth {:.1} mm, another \
-         lattice), {draws} draws of errors for each case. The smallest quarter of the thicknesses decides and is not \
-         seen.\n\n## What these data could show\n\nSize (standard deviations) of the largest change that the model \
+         lattice), {draws} draws of errors for each case. A second record of the same compression, with errors of its own, decides.\n\n## What these data could show\n\nSize (standard deviations) of the largest change that the model \
          reaches once offset and stiffness took their part, the part that is left, and what is not told apart (cosine \
          over 0.95). The limit is passed by chance once in a hundred records.\n\n\
          | data | seed | limit | effect | size | left | told apart |\n|---|---|---|---|---|---|---|\n",
