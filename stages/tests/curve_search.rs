@@ -244,11 +244,12 @@ fn effects_go_on_from_what_the_study_has() {
 }
 
 #[test]
-fn another_record_bears_out_a_bend_and_nothing_else() {
+fn with_another_record_a_bend_is_the_best_and_nothing_is_never_named() {
     let evidence = evidence();
     let stiffness = 1.05;
     let places = drawn(&evidence.plain, Measuring::USUAL, 1);
-    let amplitude = Parameters { amplitude: 0.2, ..Parameters::default() };
+    let amplitude = Parameters { amplitude: 0.3, ..Parameters::default() };
+    let mut first = 0;
     let truth = |n: u64, at: &Parameters| {
         let own = evidence.as_measured(&places, Some(0), at).unwrap();
         // Errors of a plain record on top of what the bend changes.
@@ -265,10 +266,13 @@ fn another_record_bears_out_a_bend_and_nothing_else() {
     for seed in 0..5 {
         let [seen, another] = [2 * seed, 2 * seed + 1].map(|n| truth(n, &amplitude));
         let found = judge(&evidence, &seen, Some(&another)).unwrap();
-        assert!(found.candidates[0].held_out_z > 2.0, "{:?}", found.candidates);
+        let best = found.candidates.first();
+        println!("{seed}: {:?} {best:?}", found.verdict);
+        first += usize::from(best.is_some_and(|best| best.effect == "limit_chain"));
         let [seen, another] =
             [2 * seed, 2 * seed + 1].map(|n| truth(100 + n, &Parameters::default()));
         let found = judge(&evidence, &seen, Some(&another)).unwrap();
         assert_ne!(found.verdict, VerdictName::Named, "{}", found.reason);
     }
+    assert!(first >= 4, "{first} of 5");
 }
