@@ -342,6 +342,13 @@ impl Assembly {
 }
 
 impl State {
+    /// Stores what the next load step must know of this one.
+    pub(crate) fn accept(&mut self, model: &Model) {
+        for (term, memory) in model.terms().iter().zip(&mut self.memory) {
+            term.accept(&self.points, self.load, memory);
+        }
+    }
+
     /// A state with the nodes at `points` and nothing remembered yet.
     pub fn new(model: &Model, points: Vec<Vec3>, load: Load) -> Self {
         let memory = model.terms().iter().map(|term| term.first_memory(&points, load)).collect();

@@ -23,4 +23,4 @@ pub mod terms;
 pub mod unload;
 
 pub use model::{Model, ModelError};
-pub use solve::{Options, SolveError, solve};
+pub use solve::{Options, SolveError, solve, solve_near};

@@ -117,6 +117,31 @@ pub fn solve(
     finish(&newton, model, &state, counts)
 }
 
+/// The same where `start` is near to the equilibrium: the load is there from the beginning, and comes in parts only where
+/// the search fails.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_near(
+    model: &Model,
+    start: &[Vec3],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Solution, SolveError> {
+    let (mut newton, mut state) = prepare(model, start, Load::GRAVITY)?;
+    let mut counts = Checks { steps: 1, ..Checks::default() };
+    match balance(&mut newton, model, &mut state, options, &mut counts) {
+        Ok(()) => {
+            state.accept(model);
+            finish(&newton, model, &state, counts)
+        }
+        Err(error) => {
+            tracing::debug!(?error, "not near");
+            solve(model, start, options, progress)
+        }
+    }
+}
+
 /// Follows the equilibrium from load to load, beginning at the first one of `path` with the nodes
 /// near `start` (mm), and returns it at each: friction remembers the way.
 ///
@@ -177,9 +202,7 @@ pub(crate) fn walk(
         counts.steps += 1;
         match balance(newton, model, &mut trial, options, counts) {
             Ok(()) => {
-                for (index, term) in model.terms().iter().enumerate() {
-                    term.accept(&trial.points, trial.load, &mut trial.memory[index]);
-                }
+                trial.accept(model);
                 *state = trial.clone();
                 last = Some(trial);
                 done = to;

@@ -9,7 +9,7 @@ use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, study::
 use mammotwin_solver::materials::Law;
 use mammotwin_solver::terms::{Bulk, Gravity, Membrane, Sliding, Slip, target::Cylinder};
 use mammotwin_solver::unload::{self, Method, StressFree, stress_free};
-use mammotwin_solver::{Model, ModelError, solve};
+use mammotwin_solver::{Model, ModelError, Options, solve, solve_near};
 use std::sync::Arc;
 
 /// What a body is made of and hangs on.
@@ -158,4 +158,29 @@ fn the_plain_fixed_point_comes_near_for_a_stiff_body() {
     let build = |rest: &[Vec3]| case.model(&body, rest);
     let found = stress_free(&loaded, &loaded, build, &options, &Silent).unwrap();
     assert!(found.miss.rms_mm < 1.0 && found.effort.steps == 0, "{:?}", found.miss);
+}
+
+#[test]
+fn an_equilibrium_is_the_same_from_near_and_from_far() {
+    let body = coarse();
+    let case = |young_kpa: f64| Case {
+        young_kpa,
+        gravity: Vec3::z(),
+        slides: true,
+        friction: 0.1,
+        skin: false,
+    };
+    let rest = &body.mesh.points;
+    let options = Options { contact_mm: 1e-3, ..Options::default() };
+    let near = solve(&case(0.52).model(&body, rest).unwrap(), rest, &options, &Silent).unwrap();
+    let model = case(0.5).model(&body, rest).unwrap();
+    let expected = solve(&model, rest, &options, &Silent).unwrap();
+    assert!(apart(&near.points, &expected.points) > 0.2);
+    for start in [&near.points, rest] {
+        let found = solve_near(&model, start, &options, &Silent).unwrap();
+        let off_mm = apart(&found.points, &expected.points);
+        println!("{off_mm:.1e} mm, {:?}", found.checks);
+        assert!(off_mm < 0.01, "{off_mm}");
+        assert!(found.checks.residual < 1e-6);
+    }
 }

@@ -14,7 +14,7 @@ use mammotwin_data::{
 use mammotwin_solver::{
     Options,
     distance::{Closest, DistanceError, Distances, SurfaceIndex},
-    solve,
+    solve, solve_near,
 };
 
 /// Skin within this elliptic radius of a breast's base is compared; arms and cuts are not.
@@ -133,16 +133,18 @@ impl PoseTarget {
         Shape::of(&TriMesh { points, triangles: self.faces.clone() }, &self.active)
     }
 
-    /// Loads a stress-free body into this pose; `start` is where Newton begins.
+    /// Loads a stress-free body into this pose; `start` is where Newton begins, `near` says that it is near to the equilibrium.
     pub fn load(
         &self,
         body: &Body,
         rest: &[Vec3],
         moduli: Moduli,
         start: &[Vec3],
+        near: bool,
     ) -> Result<Solution, Failure> {
         let model = body.model(rest, moduli, self.gravity, None)?;
-        let solution = solve(&model, start, &Options::default(), &Silent)
+        let from = if near { solve_near } else { solve };
+        let solution = from(&model, start, &Options::default(), &Silent)
             .map_err(|cause| Failure::Numerics(format!("{}: {cause}", self.pose)))?;
         Ok(body.spread(solution))
     }

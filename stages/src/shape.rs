@@ -12,6 +12,11 @@ pub struct Shape {
     pub normals: Vec<Vec3>,
 }
 
+/// Change of the chest wall between poses, along each axis (mm), and the length (mm) over which it is alike: 1 - 2.4 mm rms over
+/// waves of 160 - 320 mm is what people differ by (Mîra 2018, § 3.1; measured ±5 mm).
+pub(crate) const CHEST_MM: f64 = 1.05;
+pub(crate) const CHEST_LENGTH_MM: f64 = 60.0;
+
 impl Shape {
     /// Some nodes of a skin.
     pub fn of(skin: &TriMesh, nodes: &[u32]) -> Self {
@@ -33,6 +38,16 @@ impl Shape {
     pub(crate) fn get(file: &hdf5::Reader, group: &str) -> Result<Self, Failure> {
         let points = file.get(&format!("{group}/points"))?;
         Ok(Self { points, normals: file.get(&format!("{group}/normals"))? })
+    }
+
+    /// Correlation of the distances that smooth displacements make along the normals: displacements are alike over a
+    /// length (mm).
+    pub(crate) fn alike(&self, length_mm: f64) -> DMatrix<f64> {
+        let nodes = self.points.len();
+        DMatrix::from_fn(nodes, nodes, |i, j| {
+            let far = (self.points[i] - self.points[j]).norm_squared();
+            (-0.5 * far / (length_mm * length_mm)).exp() * self.normals[i].dot(&self.normals[j])
+        })
     }
 
     /// What small translations (1 mm) and turns (1 rad about the centre) of the measured skin add to

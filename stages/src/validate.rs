@@ -74,7 +74,7 @@ impl Stage for Validate {
         let target = PoseTarget::new(&self.pose, mesh, registered, surfaces)?;
         let body = Body::new(mesh, &self.model);
         let measure = |fit: &Fit| {
-            let solution = target.load(&body, &fit.rest, fit.moduli, &mesh.mesh.points)?;
+            let solution = target.load(&body, &fit.rest, fit.moduli, &mesh.mesh.points, false)?;
             target.measure(solution)
         };
         progress.report(0.0, "moduli of the study");

@@ -10,7 +10,7 @@ use super::supports::{normals, onto_surfaces, tangential};
 use super::transport::pull_back;
 use super::{Method, Miss, Options};
 use crate::model::Model;
-use crate::solve::{SolveError, solve};
+use crate::solve::{SolveError, solve, solve_near};
 use mammotwin_data::{
     Vec3,
     progress::{Progress, Silent},
@@ -91,7 +91,9 @@ impl Iterate {
         options: &Options,
     ) -> Result<Option<Self>, SolveError> {
         let Ok(model) = build(&rest) else { return Ok(None) };
-        let solution = solve(&model, start, &options.solve, &Silent)?;
+        // The inverse motion puts the equilibrium where the body is known to be.
+        let from = if options.method == Method::Inverse { solve_near } else { solve };
+        let solution = from(&model, start, &options.solve, &Silent)?;
         let gap: Vec<Vec3> =
             known.iter().zip(&solution.points).map(|(want, got)| want - got).collect();
         let miss = Miss::of(&gap);

@@ -129,8 +129,11 @@ impl<'a> Experiment<'a> {
                 let same = near.iter().find(|pose| pose.pose == target.pose);
                 let start = same.map_or(loaded, |pose| &pose.solution.points);
                 // A tissue with a limit of stretch may not stand what another one is stretched to.
-                let from = |start: &[Vec3]| target.load(body, &found.rest, moduli, start);
-                from(start).or_else(|cause| from(&found.rest).map_err(|_| cause))?
+                let from = |start: &[Vec3], near: bool| {
+                    target.load(body, &found.rest, moduli, start, near)
+                };
+                from(start, same.is_some())
+                    .or_else(|cause| from(&found.rest, false).map_err(|_| cause))?
             };
             poses.push(target.measure(solution)?);
         }

@@ -6,7 +6,11 @@
 //! the derivatives by both, as differences to the best trial before.
 
 use super::{Calibration, Experiment, Fit, Precision, Trial};
-use crate::{model::Moduli, pose::PoseFit, shape::Shape};
+use crate::{
+    model::Moduli,
+    pose::PoseFit,
+    shape::{CHEST_LENGTH_MM, CHEST_MM, Shape},
+};
 use mammotwin_data::{
     Failure,
     labels::Side,
@@ -27,7 +31,7 @@ const CLOSE: f64 = 0.01;
 const NEAR: f64 = 0.05;
 /// Differences over a shorter step than this say nothing new.
 const SHORTEST: f64 = 0.003;
-/// Length (mm) over which errors along the skin are alike.
+/// Length (mm) over which errors of segmentation and mesh are alike along the skin.
 const ALIKE_MM: f64 = 20.0;
 
 /// The search for the moduli.
@@ -254,7 +258,8 @@ fn point(compared: &Compared, fit: Fit) -> Point {
 }
 
 /// Standard deviations of the logarithms of the moduli: as large as the distances that are left make
-/// them, when these are errors that are alike over [`ALIKE_MM`] along the skin.
+/// them. As much of these as people's chest walls change between poses is a change of the chest wall, alike over
+/// [`CHEST_LENGTH_MM`], the rest an error that is alike over [`ALIKE_MM`].
 fn precision(compared: &Compared, best: &Point, slopes: &[Option<DVector<f64>>; 2]) -> Precision {
     let known: Vec<usize> = (0..2).filter(|&side| slopes[side].is_some()).collect();
     let columns: Vec<DVector<f64>> =
@@ -266,7 +271,7 @@ fn precision(compared: &Compared, best: &Point, slopes: &[Option<DVector<f64>>; 
     let Some(inverse) = (jacobian.transpose() * &jacobian).try_inverse() else {
         return Precision::default();
     };
-    let covariance = best.misfit * &inverse * compared.spread(&jacobian) * &inverse;
+    let covariance = &inverse * compared.spread(&jacobian, best.misfit) * &inverse;
     let sd = |side: usize| {
         let place = known.iter().position(|&known| known == side)?;
         Some(covariance[(place, place)].max(0.0).sqrt())
@@ -277,21 +282,25 @@ fn precision(compared: &Compared, best: &Point, slopes: &[Option<DVector<f64>>; 
 }
 
 impl Compared {
-    /// JᵀCJ with the correlation C of errors along the skin of each pose.
-    fn spread(&self, jacobian: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut sum = DMatrix::zeros(jacobian.ncols(), jacobian.ncols());
+    /// JᵀCJ with the covariance C (mm²) of errors whose mean square is `misfit` (mm²) when rigid motions are fitted.
+    fn spread(&self, jacobian: &DMatrix<f64>, misfit: f64) -> DMatrix<f64> {
+        let mut sums = [0.0; 2];
+        let mut spreads = [0, 1].map(|_| DMatrix::zeros(jacobian.ncols(), jacobian.ncols()));
         let mut at = 0;
         for shape in &self.shapes {
             let nodes = shape.points.len();
-            let alike = DMatrix::from_fn(nodes, nodes, |i, j| {
-                let far = (shape.points[i] - shape.points[j]).norm_squared();
-                let facing = shape.normals[i].dot(&shape.normals[j]).max(0.0);
-                (-0.5 * far / (ALIKE_MM * ALIKE_MM)).exp() * facing
-            });
-            let own = jacobian.rows(at, nodes);
-            sum += own.transpose() * alike * own;
+            let (own, rigid) = (jacobian.rows(at, nodes), self.rigid.rows(at, nodes));
+            for (n, length_mm) in [CHEST_LENGTH_MM, ALIKE_MM].into_iter().enumerate() {
+                let alike = shape.alike(length_mm);
+                spreads[n] += own.transpose() * &alike * own;
+                // What rigid motions leave of such errors of 1 mm.
+                sums[n] += alike.trace() - (rigid.transpose() * alike * rigid).trace();
+            }
             at += nodes;
         }
-        sum
+        let [chest_left, local_left] = sums.map(|sum| (sum / at.max(1) as f64).max(1e-9));
+        let chest = f64::min(CHEST_MM * CHEST_MM, misfit / chest_left);
+        let local = (misfit - chest * chest_left) / local_left;
+        chest * &spreads[0] + local * &spreads[1]
     }
 }

@@ -4,7 +4,7 @@
 //! pose. Rigid motion of a pose is left open: a registration error must not look like physics.
 
 use super::observe::rows;
-use crate::shape::Shape;
+use crate::shape::{CHEST_LENGTH_MM, CHEST_MM, Shape};
 use mammotwin_data::Vec3;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
@@ -113,8 +113,8 @@ impl Nodes<'_> {
 impl Budget {
     /// The budget of the residuals (mm) of all poses: noise from node to node and errors of the
     /// segmentation are taken for alike in size, and measured where residuals differ from the mean
-    /// of their neighbours, robustly. The chest wall's 1 - 2.4 mm rms over waves of 160 - 320 mm is what people differ by
-    /// between poses (Mîra 2018, § 3.1; measured ±5 mm). `voxel_mm` is the edge of the images' voxels.
+    /// of their neighbours, robustly. The chest wall's is what people differ by
+    /// ([`CHEST_MM`]). `voxel_mm` is the edge of the images' voxels.
     pub fn of(nodes: &Nodes, residual: &DVector<f64>, voxel_mm: f64) -> Self {
         let mut rough = nodes.roughness(residual);
         rough.sort_unstable_by(f64::total_cmp);
@@ -125,8 +125,8 @@ impl Budget {
             white_mm,
             segmentation_mm: white_mm,
             segmentation_length_mm: SEGMENTATION_LENGTH_MM,
-            chest_mm: 1.05,
-            chest_length_mm: 60.0,
+            chest_mm: CHEST_MM,
+            chest_length_mm: CHEST_LENGTH_MM,
             offset_mm: 0.3,
             voxel_mm,
         }
