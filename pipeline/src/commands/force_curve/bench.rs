@@ -286,7 +286,8 @@ impl Subject {
             write(&out.join(format!("record_{stem}.csv")), record_table(&record))?;
             write(&out.join(format!("record_{stem}_again.csv")), record_table(&another))?;
             let Some(found) = judge(&self.evidence, &record, Some(&another)) else { continue };
-            let title = format!("{name} {:.3} {} hidden", truth.amplitude, truth.effect.unit);
+            let unit = if truth.effect.unit == "1" { "" } else { truth.effect.unit };
+            let title = format!("Hidden: {name} {:.3} {unit}", truth.amplitude);
             let records = (&record, Some(&another));
             let figure = Band::of(title, &self.evidence, records, &found);
             write(&out.join(format!("curves_{stem}.svg")), band(&figure))?;
