@@ -235,6 +235,9 @@ pub fn gathered(
     Ok(Evidence { plain, ladders, others, error })
 }
 
+/// What is told of each way that is done.
+pub type Keep<'a> = dyn Fn(&Way, &Option<Pressed>) -> Result<(), Failure> + Sync + 'a;
+
 /// Presses all ways of a person; meshes each mesh once. `kept` is told of each way that is done.
 ///
 /// # Errors
@@ -242,7 +245,7 @@ pub fn gathered(
 pub fn press_all(
     person: &Person,
     ways: &[Way],
-    kept: &(dyn Fn(&Way, &Option<Pressed>) -> Result<(), Failure> + Sync),
+    kept: &Keep<'_>,
 ) -> Result<Vec<Option<Pressed>>, Failure> {
     let mut meshes: Vec<Meshed> = Vec::new();
     for way in ways {

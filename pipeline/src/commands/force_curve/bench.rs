@@ -160,6 +160,9 @@ struct Truth {
     course: Option<Pressed>,
 }
 
+/// Trials to be made: kind, model, what is hidden, its truth, errors, first draw, number of draws.
+type Planned<'a> = (Tier, Evidence, &'a str, Option<&'a Truth>, Measuring, u64, usize);
+
 /// A person, her model and her truths.
 struct Subject {
     seed: u64,
@@ -220,9 +223,8 @@ impl Subject {
 
     /// All trials, each with every kind of data.
     fn trials(&self, draws: usize) -> Result<Vec<Trial>, Failure> {
-        // Tier, library, what is hidden, truth, errors, and numbers of draws.
         let usual = Measuring::USUAL;
-        let mut plans: Vec<(Tier, Evidence, &str, Option<&Truth>, Measuring, u64, usize)> =
+        let mut plans: Vec<Planned<'_>> =
             vec![(Tier::Null, self.evidence.clone(), "nothing", None, usual, 0, NULLS * draws)];
         for (n, (word, how)) in DECOYS.iter().enumerate() {
             let first = 10_000 * (n as u64 + 1);

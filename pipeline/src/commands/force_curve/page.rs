@@ -13,14 +13,19 @@ use mammotwin_stages::force_curve::{
 };
 use std::{fmt::Write, path::Path};
 
+/// Person, data, screening, names of the ladders.
+pub type Screened = (u64, &'static str, CurveScreening, Vec<&'static str>);
+/// Person, effect, severity, amplitude, sizes, whether the truth reached its thickness.
+pub type Hidden = (u64, &'static str, f64, f64, [Option<f64>; 3], bool);
+
 /// What a benchmark shows beside its trials.
 #[derive(Default)]
 pub struct Shown {
     /// Person, data, screening of a record without errors, names of the ladders.
-    pub screens: Vec<(u64, &'static str, CurveScreening, Vec<&'static str>)>,
+    pub screens: Vec<Screened>,
     /// Person, effect, severity asked for, amplitude, its size with each kind of data (standard deviations),
     /// and whether the truth reached the smallest thickness.
-    pub truths: Vec<(u64, &'static str, f64, f64, [Option<f64>; 3], bool)>,
+    pub truths: Vec<Hidden>,
 }
 
 /// What a record tells, and what it does not, in sentences.
