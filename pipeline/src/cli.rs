@@ -1,8 +1,10 @@
 //! What the command line understands.
 
+mod curves;
 mod models;
 mod studies;
 
+pub use curves::ForceCurveArguments;
 pub use models::{BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments};
 pub use studies::{
     CalibrationArguments, DesignsArguments, PaddlesArguments, PositionsArguments,

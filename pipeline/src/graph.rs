@@ -6,7 +6,7 @@ use mammotwin_data::{
     labels::LabelMap,
     landmarks::Landmarks,
     store::{Entry, Run, Stored},
-    study::{CompressPlan, Elements, Gland as Where, LawName, MeshPlan, Pose, Study, Use},
+    study::{CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
     surface::TriMesh,
     volume::Volume,
 };
@@ -76,6 +76,8 @@ pub struct Outcome {
 pub struct Squeezed {
     /// Both breasts before any compression.
     pub mesh: Stored<BreastMesh>,
+    /// Stress-free shape and moduli of what was compressed.
+    pub calibration: Stored<Calibration>,
     /// The compression.
     pub compression: Stored<Compression>,
     /// The phantom, if the study asks for a picture.
@@ -87,7 +89,7 @@ pub struct Squeezed {
 }
 
 /// Handles on what was made of one image.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct PoseOutcome {
     /// The image itself.
     pub scan: Stored<Volume<f32>>,
@@ -127,28 +129,33 @@ pub fn squeezes(
     ways.iter().map(one).collect()
 }
 
-/// Fits the moduli of a study whose breast, skin and fascia stiffen alike (Gent), for each Jₘ. One that has no stress-free shape or no
-/// equilibrium is named with the reason.
-pub fn stiffened(
+/// Presses the breast of a study on other meshes, told apart by their labels; moduli are fitted on each
+/// unless the study fits none. A mesh on which there is no equilibrium is named with the reason.
+pub fn remeshed(
     study: &Study,
-    jm: &[f64],
+    plan: &CompressPlan,
+    meshings: &[(String, MeshPlan)],
     run: &Run<'_>,
-) -> Result<Vec<Result<Stored<Calibration>, String>>, Failure> {
-    let poses = images(study, study.reference_pose(), run)?;
-    let one = |jm: &f64| {
-        let mut with = study.clone();
-        let (gent, jm) = (LawName::Gent, Some(*jm));
-        (with.model.breast.law, with.model.breast.jm) = (gent, jm);
-        for layer in [&mut with.model.skin, &mut with.model.fascia] {
-            (layer.law, layer.jm) = (gent, jm);
-        }
-        let label = format!("jm_{}", jm.unwrap_or_default()).replace('.', "-");
-        match calibrated(&with, study.mesh, &poses, &label, run) {
-            Err(Failure::Numerics(why) | Failure::BadInput(why)) => Ok(Err(why)),
-            found => found.map(|(_, calibration)| Ok(calibration)),
-        }
+) -> Result<Vec<Result<Stored<Compression>, String>>, Failure> {
+    let reference = study.reference_pose().to_owned();
+    let poses = images(study, &reference, run)?;
+    let one = |(label, meshing): &(String, MeshPlan)| {
+        let (mesh, calibration) = calibrated(study, *meshing, &poses, label, run)?;
+        let squeezed = Outcome {
+            reference: reference.clone(),
+            poses: poses.clone(),
+            mesh,
+            calibration,
+            validations: BTreeMap::new(),
+            squeezed: None,
+        };
+        Ok(squeeze(study, plan, label, run, &squeezed)?.compression)
     };
-    jm.iter().map(one).collect()
+    let named = |meshing| match one(meshing) {
+        Err(Failure::Numerics(why) | Failure::BadInput(why)) => Ok(Err(why)),
+        found => found.map(Ok),
+    };
+    meshings.iter().map(named).collect()
 }
 
 /// The poses that a fit reads, but the reference pose.
@@ -464,7 +471,8 @@ fn squeeze(
         }
         (phantom, mammograms) = (Some(filled), Some(taken));
     }
-    Ok(Squeezed { mesh: mesh.clone(), compression, phantom, mammograms, metrics })
+    let (mesh, calibration) = (mesh.clone(), calibration.clone());
+    Ok(Squeezed { mesh, calibration, compression, phantom, mammograms, metrics })
 }
 
 pub(crate) fn gravity(name: &str, pose: &Pose) -> Result<mammotwin_data::Vec3, Failure> {

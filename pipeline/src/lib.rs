@@ -20,6 +20,7 @@ pub mod comparison;
 pub mod designs;
 pub mod display;
 pub mod estimates;
+pub mod force_curve;
 pub mod graph;
 mod page;
 pub mod plausible;

@@ -1,6 +1,7 @@
 //! One breast between paddle and receptor.
 
 mod paddle;
+mod squeeze;
 
 pub use paddle::from_cad;
 
@@ -8,23 +9,23 @@ use crate::{
     calibrate::Calibration,
     load_steps::{self, LoadStep},
     mesh::BreastMesh,
-    model::{Anatomy, Body, LawOverride},
+    model::Body,
 };
 use mammotwin_data::{
     Failure, Mat3, Vec3,
     io::hdf5,
     labels::Side,
-    mesh::{Patch, TetMesh},
-    progress::{Part, Progress, Silent},
+    mesh::TetMesh,
+    progress::Progress,
     rigid::RigidTransform,
     solution::Solution,
     store::{Artifact, Stage},
-    study::{CompressPlan, EDGE_RADIUS_MM, ModelPlan},
+    study::{CompressPlan, ModelPlan},
     surface::TriMesh,
     units::NEWTON,
 };
 use mammotwin_imaging::xray::dose::nominal_thickness_mm;
-use mammotwin_solver::{Options, SolveError, compress as press, mesh::crop::crop, solve};
+use mammotwin_solver::compress as press;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -174,7 +175,7 @@ impl Stage for Compress {
     const VERSION: u32 = 7;
     const METHODS: &'static str = "The breast was compressed between two plates, flat, frictionless and fixed in their direction \
          unless stated otherwise, their rounded edges along the chest wall under it, the paddle as large as its outline, from its stress-free shape and without gravity (the thesis \
-         neglects its prestress, too).";
+         neglects its prestress, too); a share of the weight of an upright person acts where stated.";
     /// The surface is that of a paddle from CAD.
     type Input = (BreastMesh, Calibration, Option<TriMesh>);
     type Output = Compression;
@@ -184,75 +185,11 @@ impl Stage for Compress {
         (whole, calibration, cad): &Self::Input,
         progress: &dyn Progress,
     ) -> Result<Compression, Failure> {
-        let side = self.plan.side;
-        let Some(base) = whole.anatomy.breast(side) else {
-            let text = format!("compress.side: the mesh has no {} breast", side.name());
-            return Err(Failure::BadInput(text));
-        };
-        let part = crop(&whole.corners(), side, whole.anatomy.sternum_x_mm, 0.0);
-        let anatomy = Anatomy { breasts: vec![base.clone()], ..whole.anatomy.clone() };
-        let (mesh, anatomy) = (&part.mesh, &anatomy);
-        let body = Body { mesh, anatomy, quadratic: None, ..Body::new(whole, &self.model) };
-        let rest = part.take(self.start(calibration)?);
-        let moduli = calibration.after.moduli;
-        let law = LawOverride {
-            name: self.plan.law.name,
-            jm: self.plan.law.jm,
-            constants: self.plan.law.constants,
-            poisson: self.plan.law.poisson,
-        };
-        let refuse = |cause: SolveError| Failure::Numerics(format!("compress: {cause}"));
-        let options = Options::default();
-        // Without gravity a bonded breast rests in its stress-free shape; one that slides is
-        // first brought onto the chest wall.
-        let settled = if self.model.interface.is_bonded() {
-            rest.clone()
-        } else {
-            progress.report(0.0, "without gravity");
-            let free = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
-            solve(&free, &rest, &options, &Silent)
-                .map_err(|cause| Failure::Numerics(format!("compress, settling: {cause}")))?
-                .points
-        };
-
-        // The cut at the sternum stays where it settled.
-        let mut model = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
-        for node in part.mesh.patch_nodes(Patch::Medial) {
-            model.fix_node(node);
-        }
-        let near = |n: &u32| base.radius(&part.mesh.points[*n as usize]) < TOUCHED_RADIUS;
-        let skin = part.mesh.patch(Patch::Skin).iter();
-        // She turns and leans until the plates' edges lie along the chest wall under her breast.
-        let (sin, cos) = self.plan.angle_deg().to_radians().sin_cos();
-        // An oblique paddle comes from above and the middle.
-        let axis = cos * base.cranial - sin * base.lateral;
-        let along = base.normal.cross(&axis);
-        let (paddle, outline) = paddle::paddle(&self.plan, cad.as_ref())?;
-        let plates = press::Plates {
-            axis,
-            away: base.normal,
-            edge_mm: base.normal.dot(&base.center) + self.plan.chest_wall_distance_mm,
-            radius_mm: EDGE_RADIUS_MM,
-            friction: self.plan.friction,
-            paddle,
-            outline,
-            middle_mm: along.dot(&base.center),
-            faces: skin.filter(|face| face.iter().all(near)).copied().collect(),
-        };
-        let nipple_node = nearest(&part.mesh.points, &base.nipple);
-        let closing = self.closing(&plates, &settled, nipple_node)?;
-        let part_of = Part { whole: progress, from: 0.1, to: 1.0 };
-        let done = press::compress(model, &plates, &closing, &settled, &options, &part_of)
-            .map_err(refuse)?;
-        let mesh = TetMesh { points: rest, ..part.mesh };
-        Ok(result(side, mesh, nipple_node, &plates, done))
+        let body = Body { mesh: &whole.corners(), ..Body::new(whole, &self.model) };
+        let (rest, moduli) = (self.start(calibration)?, calibration.after.moduli);
+        self.press(&body, rest, moduli, cad.as_ref(), progress)
     }
 }
-
-/// Skin within this elliptic radius of the base may touch the plates.
-const TOUCHED_RADIUS: f64 = 1.25;
-/// Largest change (mm) of the thickness between recorded states.
-const STEP_MM: f64 = 5.0;
 
 impl Compress {
     /// Nodes of the shape that is taken for free of stress.
@@ -261,45 +198,6 @@ impl Compress {
         let fit = calibration.after.poses.iter().find(|fit| fit.pose == *name);
         fit.map(|fit| &fit.solution.points[..]).ok_or_else(|| {
             Failure::BadInput(format!("compress.start_pose: {name} was not simulated"))
-        })
-    }
-
-    /// Both plates come alike to the height of the nipple: the receptor is raised to the breast.
-    fn closing(
-        &self,
-        plates: &press::Plates,
-        points: &[Vec3],
-        nipple_node: u32,
-    ) -> Result<press::Closing, Failure> {
-        let (low, height) = plates.touching(points);
-        if !(height > 0.0 && height.is_finite()) {
-            return Err(Failure::BadInput(format!(
-                "compress.chest_wall_distance_mm: {} mm from the chest wall there is no breast; \
-                 bring the paddle nearer",
-                self.plan.chest_wall_distance_mm
-            )));
-        }
-        let nipple = plates.axis.dot(&points[nipple_node as usize]) + self.plan.receptor_lift_mm;
-        let middle = nipple.clamp(low, low + height);
-        let thickness_mm = 2.0 * (low + height - middle).max(middle - low);
-        let stop = &self.plan.stop;
-        if let Some(goal) = stop.thickness_mm.filter(|goal| *goal >= height) {
-            return Err(Failure::BadInput(format!(
-                "compress.stop.thickness_mm: {goal} mm is more than the {height:.0} mm of \
-                 breast under the paddle; ask for less, or bring the paddle nearer"
-            )));
-        }
-        Ok(press::Closing {
-            receptor_mm: middle - 0.5 * thickness_mm,
-            thickness_mm,
-            receptor_share: 0.5,
-            step_mm: STEP_MM,
-            stops: press::Stops {
-                thickness_mm: stop.thickness_mm,
-                force_mn: stop.force_n.map(|force| force * NEWTON),
-                mean_pressure_kpa: stop.mean_pressure_kpa,
-                peak_pressure_kpa: stop.peak_pressure_kpa,
-            },
         })
     }
 }
@@ -313,12 +211,6 @@ fn key(rule: press::StopRule) -> String {
         press::StopRule::PeakPressure => "peak_pressure_kpa",
     }
     .into()
-}
-
-fn nearest(points: &[Vec3], place: &Vec3) -> u32 {
-    let far = |p: &Vec3| (p - place).norm_squared();
-    let best = (0..points.len()).min_by(|&a, &b| far(&points[a]).total_cmp(&far(&points[b])));
-    best.unwrap_or(0) as u32
 }
 
 /// From the pose of the body to the frame of the detector at the end.
@@ -455,7 +347,7 @@ impl Artifact for Compression {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mammotwin_data::study;
+    use mammotwin_data::study::{self, EDGE_RADIUS_MM};
     use mammotwin_solver::paddles::{Outline, Paddle};
 
     /// A triangle of skin 30 mm high stands for the breast.

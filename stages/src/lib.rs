@@ -12,6 +12,7 @@ pub mod compress;
 pub mod deliver;
 pub mod discover;
 pub mod effects;
+pub mod force_curve;
 pub mod gland;
 pub mod image_chain;
 pub mod in_view;

@@ -265,6 +265,19 @@ pub struct CompressPlan {
     /// Clamping and release in time; the compression ends at its stop rule when absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clamp: Option<ClampPlan>,
+    /// Share of the weight of an upright person's breast that acts while it is compressed.
+    #[serde(default, skip_serializing_if = "none")]
+    pub gravity_share: f64,
+    /// How much stiffer all tissues are in a fast compression than under gravity, in proportion: 1
+    /// doubles all moduli.
+    #[serde(default, skip_serializing_if = "none")]
+    pub rate_stiffening: f64,
+}
+
+/// Numbers that change nothing are left out of what is written: keys of earlier results stay.
+#[allow(clippy::trivially_copy_pass_by_ref)] // what serde asks for
+fn none(number: &f64) -> bool {
+    *number == 0.0
 }
 
 /// Angle (degrees) of an oblique compression of which none is given.

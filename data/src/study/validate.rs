@@ -238,6 +238,8 @@ fn compress(plan: &CompressPlan) -> Checked {
         within(&format!("compress.stop.{key}"), limit.unwrap_or(low), low, high)?;
     }
     within("compress.friction", plan.friction, 0.0, 2.0)?;
+    within("compress.gravity_share", plan.gravity_share, 0.0, 1.0)?;
+    within("compress.rate_stiffening", plan.rate_stiffening, -0.9, 10.0)?;
     within("compress.receptor_lift_mm", plan.receptor_lift_mm, -100.0, 100.0)?;
     if let Some(angle) = plan.view_angle_deg {
         if plan.view != View::Mlo {

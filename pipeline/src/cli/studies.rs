@@ -1,5 +1,6 @@
 //! Studies: many runs for one question.
 
+use super::curves::{FORCE_CURVE_HELP, ForceCurveArguments};
 use super::models::IMAGE_CHAIN_HELP;
 use super::{
     BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments, StudyArguments,
@@ -30,6 +31,9 @@ pub enum StudyCommand {
     /// Fit, held-out poses and moduli of digital volunteers, with the right and with too simple a law
     #[command(after_help = CALIBRATION_HELP)]
     Calibration(CalibrationArguments),
+    /// Effects of the compression that a record of force and thickness has and the model lacks
+    #[command(after_help = FORCE_CURVE_HELP)]
+    ForceCurve(ForceCurveArguments),
     /// One breast under several paddles: comfort, image, dose; table, charts, page
     #[command(after_help = PADDLES_EXAMPLES)]
     Paddles(PaddlesArguments),

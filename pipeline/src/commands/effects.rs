@@ -2,14 +2,15 @@
 
 use crate::cli::EffectsArguments;
 use mammotwin_data::Failure;
-use mammotwin_stages::effects::EFFECTS;
+use mammotwin_stages::{effects::EFFECTS, force_curve::library::CURVE_EFFECTS};
 use serde_json::json;
 
 /// Prints the library of effects.
 pub fn effects(arguments: &EffectsArguments) -> Result<(), Failure> {
     if arguments.json {
-        let all = EFFECTS.map(|effect| {
+        let poses = EFFECTS.map(|effect| {
             json!({
+                "data": "poses",
                 "name": effect.name,
                 "title": effect.title,
                 "place": effect.place,
@@ -21,7 +22,21 @@ pub fn effects(arguments: &EffectsArguments) -> Result<(), Failure> {
                 "separated_by": effect.separated_by,
             })
         });
-        tell!("{:#}", json!(all));
+        let curves = CURVE_EFFECTS.map(|effect| {
+            json!({
+                "data": "force_curve",
+                "name": effect.name,
+                "title": effect.title,
+                "place": effect.place,
+                "amplitude": effect.meaning,
+                "unit": effect.unit,
+                "keys": effect.keys,
+                "signature": effect.signature,
+                "confused_with": effect.confused_with,
+                "separated_by": effect.separated_by,
+            })
+        });
+        tell!("{:#}", json!(poses.into_iter().chain(curves).collect::<Vec<_>>()));
         return Ok(());
     }
     tell!("Switch an effect on with its amplitude, e.g. [model.effects] limit_chain = 0.5\n");
@@ -35,6 +50,20 @@ pub fn effects(arguments: &EffectsArguments) -> Result<(), Failure> {
             amplitude.meaning,
             if amplitude.unit == "1" { "" } else { amplitude.unit }
         );
+        tell!("    shows as   {}", effect.signature);
+        tell!("    like       {}", effect.confused_with.join(", "));
+        tell!("    told apart {}\n", effect.separated_by);
+    }
+    tell!(
+        "Effects of the compression need a record of force and thickness (mammotwin study force-curve), and \
+         are switched on in [compress]; ranges depend on the study.\n"
+    );
+    for effect in CURVE_EFFECTS {
+        tell!("{}\n    {}", effect.name, effect.title);
+        tell!("    where      {}", effect.place);
+        let unit = if effect.unit == "1" { "" } else { effect.unit };
+        tell!("    amplitude  {} {unit}", effect.meaning);
+        tell!("    keys       {}", effect.keys);
         tell!("    shows as   {}", effect.signature);
         tell!("    like       {}", effect.confused_with.join(", "));
         tell!("    told apart {}\n", effect.separated_by);

@@ -10,6 +10,7 @@ pub mod discover;
 pub mod dose;
 pub mod effects;
 pub mod explain;
+pub mod force_curve;
 pub mod image_chain;
 pub mod inspect;
 pub mod keep;
@@ -66,6 +67,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Study(StudyCommand::Dose(arguments)) => dose::dose(arguments),
         Command::Study(StudyCommand::Projection(arguments)) => projection::projection(arguments),
         Command::Study(StudyCommand::ImageChain(arguments)) => image_chain::image_chain(arguments),
+        Command::Study(StudyCommand::ForceCurve(arguments)) => force_curve::force_curve(arguments),
         Command::Study(StudyCommand::Discovery(arguments)) => benchmark::benchmark(arguments),
         Command::Study(StudyCommand::Calibration(arguments)) => accuracy::calibration(arguments),
         Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),

@@ -15,7 +15,7 @@ use mammotwin_data::{
     Failure,
     labels::Side,
     store::{self, Drive, Options},
-    study::{CompressPlan, Study, Use},
+    study::{CompressPlan, LawName, Study, Use},
 };
 use mammotwin_stages::calibrate::Calibration;
 use std::fs;
@@ -49,32 +49,19 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
         Some(path) => read_record(path)?,
         None => vec![of_study(&opened.study, plan.side)?],
     };
-    let every = |&jm: &f64| distance_mm.iter().map(move |&distance| (jm, distance));
-    let ways: Vec<(String, CompressPlan)> =
-        jm.iter().flat_map(every).map(|(jm, distance)| way(&plan, jm, distance, &record)).collect();
-    let display = Display::new();
-    let options = Options::default();
-    let drive =
-        Drive { store: &opened.store, base: &opened.base, options: &options, listener: &display };
-    let pass = store::execute(&drive, |run| graph::squeezes(&opened.study, &ways, run))?;
-    drop(display);
-    let mut courses = Vec::new();
-    for ((label, _), made) in ways.iter().zip(pass.outcome) {
-        courses.push(match made {
-            Ok(made) => {
-                let found = made.compression.load()?;
-                if let Some(why) = &found.stopped_early {
-                    tell!("{label} ended early: {why}");
-                }
-                let (thickness_mm, force_n) = (found.curve.thickness_mm, found.curve.force_n);
-                Some(Course { thickness_mm, force_n })
-            }
-            Err(why) => {
-                tell!("{label} failed: {why}");
-                None
-            }
-        });
+    let ways = |jm: &[f64]| -> Vec<(f64, (String, CompressPlan))> {
+        let one = |jm: f64, distance: f64| (jm, way(&plan, jm, distance, &record));
+        jm.iter().flat_map(|&jm| distance_mm.iter().map(move |&d| one(jm, d))).collect()
+    };
+    let mut tried = Tried::default();
+    if arguments.poses {
+        for &jm in &jm {
+            tried.press(&opened, &of_one_material(&opened.study, jm), &ways(&[jm]))?;
+        }
+    } else {
+        tried.press(&opened, &opened.study, &ways(&jm))?;
     }
+    let Tried { courses, hanging, computed } = tried;
     let grid = Grid { jm, distance_mm, courses };
     let folder = opened.store.out.join("studies").join("stiffening");
     fs::create_dir_all(&folder).map_err(|cause| Failure::io(&folder, cause))?;
@@ -88,8 +75,7 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
     })?;
     let mut sentences = said(&posterior, &record, &error);
     sentences.extend(other(&opened.study, &plan, &posterior));
-    let hanging = if arguments.poses { hanging(&opened, &grid.jm)? } else { Vec::new() };
-    let both = Both::new(&hanging, &posterior);
+    let both = Both::new(&hanging, &posterior).filter(|_| arguments.poses);
     sentences.extend(both.iter().flat_map(Both::said));
     if arguments.poses {
         write(&folder.join("gravity.csv"), gravity_table(&hanging))?;
@@ -101,8 +87,7 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
     }
     write(&folder.join("posterior.csv"), posterior_table(&posterior))?;
     write(&folder.join("stiffening.html"), html)?;
-    let computed = pass.entries.iter().filter(|entry| entry.computed).count();
-    tell!("{computed} of {} stages computed", pass.entries.len());
+    tell!("{} of {} stages computed", computed[0], computed[1]);
     for sentence in &sentences {
         tell!("{sentence}");
     }
@@ -110,39 +95,84 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What is left of all poses with each Jₘ that they stand.
-fn hanging(opened: &Opened, jm: &[f64]) -> Result<Vec<Hanging>, Failure> {
-    let mut study = opened.study.clone();
+/// A study whose breast, skin and fascia stiffen alike under gravity, all its poses being fitted.
+fn of_one_material(study: &Study, jm: f64) -> Study {
+    let mut study = study.clone();
     let reference = study.reference_pose().to_owned();
-    for (name, pose) in &mut study.poses {
-        if *name != reference {
-            pose.usage = Use::Fit;
-        }
+    let others = study.poses.iter_mut().filter(|(name, _)| **name != reference);
+    others.for_each(|(_, pose)| pose.usage = Use::Fit);
+    let model = &mut study.model;
+    (model.breast.law, model.breast.jm) = (LawName::Gent, Some(jm));
+    for layer in [&mut model.skin, &mut model.fascia] {
+        (layer.law, layer.jm) = (LawName::Gent, Some(jm));
     }
-    let display = Display::new();
-    let options = Options::default();
-    let drive =
-        Drive { store: &opened.store, base: &opened.base, options: &options, listener: &display };
-    let pass = store::execute(&drive, |run| graph::stiffened(&study, jm, run))?;
-    drop(display);
-    let mut found = Vec::new();
-    for (jm, made) in jm.iter().zip(pass.outcome) {
-        match made {
-            Ok(calibration) => {
-                let Calibration { trials, after, precision, .. } = calibration.load()?;
+    study
+}
+
+/// What was found so far.
+#[derive(Default)]
+struct Tried {
+    courses: Vec<Option<Course>>,
+    /// What is left of the poses with each Jₘ that they stand.
+    hanging: Vec<Hanging>,
+    /// Stages that were computed, and all.
+    computed: [usize; 2],
+}
+
+impl Tried {
+    /// Compresses the breast of a study in several ways, each with its Jₘ.
+    fn press(
+        &mut self,
+        opened: &Opened,
+        study: &Study,
+        ways: &[(f64, (String, CompressPlan))],
+    ) -> Result<(), Failure> {
+        let plans: Vec<(String, CompressPlan)> = ways.iter().map(|(_, way)| way.clone()).collect();
+        let (display, options) = (Display::new(), Options::default());
+        let Opened { store, base, .. } = opened;
+        let drive = Drive { store, base, options: &options, listener: &display };
+        let pass = match store::execute(&drive, |run| graph::squeezes(study, &plans, run)) {
+            // The poses do not stand such a material.
+            Err(Failure::Numerics(why)) if ways.iter().all(|(jm, _)| *jm == ways[0].0) => {
+                drop(display);
+                tell!("{} failed: {why}", plans[0].0);
+                self.courses.extend(ways.iter().map(|_| None));
+                return Ok(());
+            }
+            pass => pass?,
+        };
+        drop(display);
+        self.computed[0] += pass.entries.iter().filter(|entry| entry.computed).count();
+        self.computed[1] += pass.entries.len();
+        for ((jm, (label, _)), made) in ways.iter().zip(pass.outcome) {
+            let made = match made {
+                Ok(made) => made,
+                Err(why) => {
+                    tell!("{label} failed: {why}");
+                    self.courses.push(None);
+                    continue;
+                }
+            };
+            let found = made.compression.load()?;
+            if let Some(why) = &found.stopped_early {
+                tell!("{label} ended early: {why}");
+            }
+            let (thickness_mm, force_n) = (found.curve.thickness_mm, found.curve.force_n);
+            self.courses.push(Some(Course { thickness_mm, force_n }));
+            if self.hanging.last().is_none_or(|last| last.jm != *jm) {
+                let Calibration { trials, after, precision, .. } = made.calibration.load()?;
                 let least =
                     trials.iter().map(|trial| trial.misfit_mm).fold(f64::INFINITY, f64::min);
-                found.push(Hanging {
+                self.hanging.push(Hanging {
                     jm: *jm,
                     moduli_kpa: [after.moduli.right_kpa, after.moduli.left_kpa],
                     misfit_mm: least,
                     independent: precision.independent,
                 });
             }
-            Err(why) => tell!("poses with Jₘ {jm} failed: {why}"),
         }
+        Ok(())
     }
-    Ok(found)
 }
 
 /// The record of a side in the study itself.

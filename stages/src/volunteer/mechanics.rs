@@ -56,13 +56,20 @@ impl Domain for Torso {
     }
 }
 
+/// How the truth's lattice lies: unlike the usual one.
+pub const TRUTH: Placement =
+    Placement { rotation: [-0.52, 0.31, 0.77], offset: [0.71, 0.05, 0.57] };
+
 /// Meshes the stress-free soft tissue with edges of `size_mm`, on a lattice that lies unlike the
 /// usual one.
 ///
 /// # Errors
 /// [`Failure::Numerics`] when the torso cannot be meshed at this size.
 pub fn stress_free_mesh(torso: &Torso, size_mm: f64) -> Result<TetMesh, Failure> {
-    let placement = Placement { rotation: [-0.52, 0.31, 0.77], offset: [0.71, 0.05, 0.57] };
+    on_lattice(torso, size_mm, TRUTH)
+}
+
+fn on_lattice(torso: &Torso, size_mm: f64, placement: Placement) -> Result<TetMesh, Failure> {
     let side = |p: &Vec3| if p.x > 0.0 { Tissue::AdiposeRight } else { Tissue::AdiposeLeft };
     tetrahedralize(torso, &Meshing { size_mm, placement }, side)
         .map_err(|cause| Failure::Numerics(format!("truth mesh: {cause}")))
@@ -94,7 +101,20 @@ impl TruthBody {
     /// # Errors
     /// [`Failure::Numerics`] when there is no mesh or no equilibrium.
     pub fn new(torso: &Torso, meshing: MeshPlan, progress: &dyn Progress) -> Result<Self, Failure> {
-        let mesh = stress_free_mesh(torso, meshing.size_mm)?;
+        Self::on_lattice(torso, meshing, TRUTH, progress)
+    }
+
+    /// The same on a lattice of one's own choice.
+    ///
+    /// # Errors
+    /// As [`TruthBody::new`].
+    pub fn on_lattice(
+        torso: &Torso,
+        meshing: MeshPlan,
+        placement: Placement,
+        progress: &dyn Progress,
+    ) -> Result<Self, Failure> {
+        let mesh = on_lattice(torso, meshing.size_mm, placement)?;
         let (mesh, quadratic) = match meshing.elements {
             Elements::Linear => (mesh, None),
             Elements::Quadratic => {
@@ -135,6 +155,11 @@ impl TruthBody {
         let anatomy = anatomy(&supine_mesh)?;
         let quadratic = quadratic.map(|quadratic| quadratic.with_points(&supine.points));
         Ok(Self { mesh, supine, supine_mesh, quadratic, anatomy, wall, plan, moduli })
+    }
+
+    /// The moduli of the truth.
+    pub fn moduli(&self) -> Moduli {
+        self.moduli
     }
 
     /// The supine body with the tissues and supports of `plan`.

@@ -1,0 +1,158 @@
+//! The compression itself: a body of one's own mesh between the plates of a plan.
+
+use super::{Compress, Compression, paddle, result};
+use crate::model::{Anatomy, Body, LawOverride, Moduli};
+use mammotwin_data::{
+    Failure, Vec3,
+    mesh::{Patch, TetMesh},
+    progress::{Part, Progress, Silent},
+    study::{EDGE_RADIUS_MM, ModelPlan},
+    surface::TriMesh,
+    units::NEWTON,
+};
+use mammotwin_solver::{Options, SolveError, compress as press, mesh::crop::crop, solve};
+
+/// Skin within this elliptic radius of the base may touch the plates.
+const TOUCHED_RADIUS: f64 = 1.25;
+/// Largest change (mm) of the thickness between recorded states.
+const STEP_MM: f64 = 5.0;
+
+impl Compress {
+    /// Compresses one breast of a body of linear elements; `start` are its nodes (mm) where it is free of
+    /// stress, `cad` is the surface of a paddle from a file.
+    ///
+    /// # Errors
+    /// [`Failure::BadInput`] for plates that miss the breast, [`Failure::Numerics`] when there is no
+    /// equilibrium.
+    pub fn press(
+        &self,
+        body: &Body<'_>,
+        start: &[Vec3],
+        moduli: Moduli,
+        cad: Option<&TriMesh>,
+        progress: &dyn Progress,
+    ) -> Result<Compression, Failure> {
+        let side = self.plan.side;
+        let Some(base) = body.anatomy.breast(side) else {
+            let text = format!("compress.side: the mesh has no {} breast", side.name());
+            return Err(Failure::BadInput(text));
+        };
+        let part = crop(body.mesh, side, body.anatomy.sternum_x_mm, 0.0);
+        let anatomy = Anatomy { breasts: vec![base.clone()], ..body.anatomy.clone() };
+        let (mesh, anatomy) = (&part.mesh, &anatomy);
+        let stiffer = 1.0 + self.plan.rate_stiffening;
+        let plan = &stiffened(body.plan, stiffer);
+        let body = Body { mesh, anatomy, plan, quadratic: None, wall: body.wall.clone() };
+        let moduli =
+            Moduli { right_kpa: stiffer * moduli.right_kpa, left_kpa: stiffer * moduli.left_kpa };
+        let rest = part.take(start);
+        let law = LawOverride {
+            name: self.plan.law.name,
+            jm: self.plan.law.jm,
+            constants: self.plan.law.constants,
+            poisson: self.plan.law.poisson,
+        };
+        let refuse = |cause: SolveError| Failure::Numerics(format!("compress: {cause}"));
+        let options = Options::default();
+        // Without gravity a bonded breast rests in its stress-free shape; one that slides is
+        // first brought onto the chest wall.
+        let settled = if plan.interface.is_bonded() {
+            rest.clone()
+        } else {
+            progress.report(0.0, "without gravity");
+            let free = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
+            solve(&free, &rest, &options, &Silent)
+                .map_err(|cause| Failure::Numerics(format!("compress, settling: {cause}")))?
+                .points
+        };
+
+        // The plates come to the breast where it would be without weight, as hands would lift it; she stands
+        // and leans until the plates' edges lie along the chest wall.
+        let weight = -self.plan.gravity_share * base.cranial;
+        // The cut at the sternum stays where it settled.
+        let mut model = body.model(&rest, moduli, weight, Some(law))?;
+        for node in part.mesh.patch_nodes(Patch::Medial) {
+            model.fix_node(node);
+        }
+        let near = |n: &u32| base.radius(&part.mesh.points[*n as usize]) < TOUCHED_RADIUS;
+        let skin = part.mesh.patch(Patch::Skin).iter();
+        // She turns and leans until the plates' edges lie along the chest wall under her breast.
+        let (sin, cos) = self.plan.angle_deg().to_radians().sin_cos();
+        // An oblique paddle comes from above and the middle.
+        let axis = cos * base.cranial - sin * base.lateral;
+        let along = base.normal.cross(&axis);
+        let (paddle, outline) = paddle::paddle(&self.plan, cad)?;
+        let plates = press::Plates {
+            axis,
+            away: base.normal,
+            edge_mm: base.normal.dot(&base.center) + self.plan.chest_wall_distance_mm,
+            radius_mm: EDGE_RADIUS_MM,
+            friction: self.plan.friction,
+            paddle,
+            outline,
+            middle_mm: along.dot(&base.center),
+            faces: skin.filter(|face| face.iter().all(near)).copied().collect(),
+        };
+        let nipple_node = nearest(&part.mesh.points, &base.nipple);
+        let closing = self.closing(&plates, &settled, nipple_node)?;
+        let part_of = Part { whole: progress, from: 0.1, to: 1.0 };
+        let done = press::compress(model, &plates, &closing, &settled, &options, &part_of)
+            .map_err(refuse)?;
+        let mesh = TetMesh { points: rest, ..part.mesh };
+        Ok(result(side, mesh, nipple_node, &plates, done))
+    }
+
+    /// Both plates come alike to the height of the nipple: the receptor is raised to the breast.
+    pub(super) fn closing(
+        &self,
+        plates: &press::Plates,
+        points: &[Vec3],
+        nipple_node: u32,
+    ) -> Result<press::Closing, Failure> {
+        let (low, height) = plates.touching(points);
+        if !(height > 0.0 && height.is_finite()) {
+            return Err(Failure::BadInput(format!(
+                "compress.chest_wall_distance_mm: {} mm from the chest wall there is no breast; \
+                 bring the paddle nearer",
+                self.plan.chest_wall_distance_mm
+            )));
+        }
+        let nipple = plates.axis.dot(&points[nipple_node as usize]) + self.plan.receptor_lift_mm;
+        let middle = nipple.clamp(low, low + height);
+        let thickness_mm = 2.0 * (low + height - middle).max(middle - low);
+        let stop = &self.plan.stop;
+        if let Some(goal) = stop.thickness_mm.filter(|goal| *goal >= height) {
+            return Err(Failure::BadInput(format!(
+                "compress.stop.thickness_mm: {goal} mm is more than the {height:.0} mm of \
+                 breast under the paddle; ask for less, or bring the paddle nearer"
+            )));
+        }
+        Ok(press::Closing {
+            receptor_mm: middle - 0.5 * thickness_mm,
+            thickness_mm,
+            receptor_share: 0.5,
+            step_mm: STEP_MM,
+            stops: press::Stops {
+                thickness_mm: stop.thickness_mm,
+                force_mn: stop.force_n.map(|force| force * NEWTON),
+                mean_pressure_kpa: stop.mean_pressure_kpa,
+                peak_pressure_kpa: stop.peak_pressure_kpa,
+            },
+        })
+    }
+}
+
+/// Tissues and ligaments stiffer by a factor; the moduli of the breasts are not in a plan.
+fn stiffened(plan: &ModelPlan, factor: f64) -> ModelPlan {
+    let mut plan = plan.clone();
+    plan.skin.young_kpa *= factor;
+    plan.fascia.young_kpa *= factor;
+    plan.ligaments.young_kpa *= factor;
+    plan
+}
+
+fn nearest(points: &[Vec3], place: &Vec3) -> u32 {
+    let far = |p: &Vec3| (p - place).norm_squared();
+    let best = (0..points.len()).min_by(|&a, &b| far(&points[a]).total_cmp(&far(&points[b])));
+    best.unwrap_or(0) as u32
+}
