@@ -211,7 +211,7 @@ impl Gather {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 13;
+    const VERSION: u32 = 14;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, with their differences to the same model on five other meshes. What the moduli \
          and the amplitude of each effect of a library change about them is the mean over the model's mesh and two others.";

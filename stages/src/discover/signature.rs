@@ -23,35 +23,23 @@ pub struct Signature {
     pub course: Course,
     /// The large amplitude. Beyond it changes go on in proportion.
     pub reach: f64,
-    /// Rising amplitudes and the change (mm) by each where the moduli stay: what the effect does to a
-    /// person whose tissue is as the model's.
-    pub kept: Vec<(f64, DVector<f64>)>,
 }
 
 impl Signature {
-    /// Of a small amplitude and the change by it, a large one with the moduli of a calibration, and amplitudes with
-    /// the changes (mm) of the model's own mesh where moduli stay.
+    /// Of a small amplitude and the change by it, and a large one with the moduli of a calibration.
     pub(super) fn new(
         effect: &'static Effect,
-        small: (f64, Change),
-        large: Option<(f64, Change)>,
-        kept: impl IntoIterator<Item = (f64, DVector<f64>)>,
+        small: (f64, &Change),
+        large: Option<(f64, &Change)>,
     ) -> Self {
-        let large = large.as_ref().map(|(amplitude, change)| (*amplitude, change));
-        let course = Course::through((small.0, &small.1), large);
         let reach = large.map_or(small.0, |(amplitude, _)| amplitude);
-        let mut signature = Self { effect, course, reach, kept: Vec::new() };
-        let corrected = |(amplitude, change): (f64, DVector<f64>)| {
-            (amplitude, change - signature.off(amplitude))
-        };
-        signature.kept = kept.into_iter().map(corrected).collect();
-        signature
+        Self { effect, course: Course::through(small, large), reach }
     }
 
     /// Of a small amplitude and the change (mm) by it on the model's own mesh, for an effect that hardly shows.
     pub(super) fn small(effect: &'static Effect, amplitude: f64, own: DVector<f64>) -> Self {
-        let change = Change { off: DVector::zeros(own.len()), mean: own.clone() };
-        Self::new(effect, (amplitude, change), None, [(amplitude, own)])
+        let change = Change { off: DVector::zeros(own.len()), mean: own };
+        Self::new(effect, (amplitude, &change), None)
     }
 
     /// The change (mm) by an amplitude.
@@ -71,24 +59,14 @@ impl Signature {
 
     /// Some of the rows.
     pub(super) fn of(&self, rows: impl Fn(&DVector<f64>) -> DVector<f64>) -> Self {
-        let kept = self.kept.iter().map(|(amplitude, change)| (*amplitude, rows(change)));
-        Self { course: self.course.of(&rows), kept: kept.collect(), ..*self }
+        Self { course: self.course.of(&rows), ..*self }
     }
 
     pub(super) fn put(&self, file: &mut hdf5::Writer) -> Result<(), Failure> {
         let group = format!("signatures/{}", self.effect.name);
         self.course.put(file, &group)?;
-        let mut put = |name: &str, column: &[f64], unit: &str, meaning: &str| {
-            file.put(&format!("{group}/{name}"), column, unit, meaning)
-        };
-        put("reach", &[self.reach], "1", "amplitude up to which it bends")?;
-        let (amplitudes, changes): (Vec<f64>, Vec<&DVector<f64>>) =
-            self.kept.iter().map(|(amplitude, change)| (*amplitude, change)).unzip();
-        put("kept", &amplitudes, "1", "amplitudes with moduli that stay")?;
-        for (n, change) in changes.into_iter().enumerate() {
-            put(&format!("kept_{n}"), change.as_slice(), "mm", "change by such an amplitude")?;
-        }
-        Ok(())
+        let reach = format!("{group}/reach");
+        Ok(file.put(&reach, &[self.reach], "1", "amplitude up to which it bends")?)
     }
 
     /// `None` when the file has no signature of this effect.
@@ -100,13 +78,9 @@ impl Signature {
         if !file.has(&group) {
             return Ok(None);
         }
-        let read = |name: &str| file.get::<f64>(&format!("{group}/{name}"));
-        let mut kept = Vec::new();
-        for (n, amplitude) in read("kept")?.into_iter().enumerate() {
-            kept.push((amplitude, DVector::from_vec(read(&format!("kept_{n}"))?)));
-        }
-        let reach = read("reach")?.first().copied().unwrap_or_default();
-        Ok(Some(Self { effect, course: Course::get(file, &group)?, reach, kept }))
+        let reach: Vec<f64> = file.get(&format!("{group}/reach"))?;
+        let reach = reach.first().copied().unwrap_or_default();
+        Ok(Some(Self { effect, course: Course::get(file, &group)?, reach }))
     }
 }
 
@@ -119,10 +93,6 @@ fn bent(amplitude: f64, reach: f64) -> f64 {
 fn bent_rate(amplitude: f64, reach: f64) -> f64 {
     amplitude.signum() * if amplitude.abs() > reach { reach } else { 2.0 * amplitude.abs() }
 }
-
-/// Steps of a calibration, and how far the logarithm of a modulus may go: up to there it bends as known.
-const CALIBRATIONS: usize = 8;
-const FARTHEST_MODULUS: f64 = 0.8;
 
 /// What is left of whitened residuals when moduli are fitted, linearly.
 pub(super) struct Projector<'a> {
@@ -162,50 +132,6 @@ impl<'a> Projector<'a> {
         };
         let part = left.norm() / white.norm().max(f64::MIN_POSITIVE);
         (left, part)
-    }
-
-    /// How far a change (mm) is, in standard deviations, from all changes by what is fitted. `bends` are halves of the second
-    /// derivatives (mm) by what is fitted: much of an effect moves the moduli far.
-    pub fn distance(&self, change: &DVector<f64>, bends: &[DVector<f64>; 2]) -> f64 {
-        let white = self.whitener.whiten(change);
-        let bends = DMatrix::from_columns(&bends.each_ref().map(|bend| self.whitener.whiten(bend)));
-        if self.absorbed.ncols() != bends.ncols() {
-            return self.surviving(change).0.norm();
-        }
-        let mut at = DVector::zeros(bends.ncols());
-        let left = |at: &DVector<f64>| &white - &self.absorbed * at - &bends * at.component_mul(at);
-        for _ in 0..CALIBRATIONS {
-            let mut jacobian = self.absorbed.clone();
-            for (n, bend) in bends.column_iter().enumerate() {
-                jacobian.column_mut(n).axpy(2.0 * at[n], &bend, 1.0);
-            }
-            let normal = jacobian.transpose() * &jacobian;
-            let Some(factor) = normal.cholesky() else { break };
-            at += factor.solve(&(jacobian.transpose() * left(&at)));
-            at.apply(|part| *part = part.clamp(-FARTHEST_MODULUS, FARTHEST_MODULUS));
-        }
-        left(&at).norm()
-    }
-
-    /// The amplitude that is a size (standard deviations) away from all that moduli can do, in a person whose
-    /// moduli are the model's; `None` when none that was tried is.
-    ///
-    /// Sizes between those tried are interpolated. `bends` as of [`Projector::distance`].
-    pub fn amplitude_of(
-        &self,
-        signature: &Signature,
-        bends: &[DVector<f64>; 2],
-        size: f64,
-    ) -> Option<f64> {
-        let (mut from, mut below) = (0.0, 0.0);
-        for (amplitude, change) in &signature.kept {
-            let here = self.distance(change, bends);
-            if here >= size {
-                return Some(from + (amplitude - from) * (size - below) / (here - below));
-            }
-            (from, below) = (*amplitude, here);
-        }
-        None
     }
 
     /// How well amplitudes of an effect explain `rest`, which survived.
@@ -273,6 +199,19 @@ impl Explained {
         (at, self.gain(at).max(0.0))
     }
 
+    /// The least amplitude, of the sign of the largest plausible one, whose change has a size (standard deviations); `None`
+    /// where no plausible one has.
+    pub fn amplitude_of(&self, size: f64) -> Option<f64> {
+        let step = self.farthest() / TRIED as f64;
+        let above = (1..=TRIED).map(|n| n as f64 * step).find(|&a| self.size(a) >= size)?;
+        let mut between = [above - step, above];
+        for _ in 0..REFINED {
+            let middle = 0.5 * (between[0] + between[1]);
+            between[usize::from(self.size(middle) >= size)] = middle;
+        }
+        Some(between[1])
+    }
+
     /// Size of the change by the largest plausible amplitude.
     pub fn largest(&self) -> f64 {
         self.size(self.farthest())
@@ -297,10 +236,8 @@ mod tests {
 
     fn signature() -> Signature {
         let effect = Effect::named("limit_chain").unwrap();
-        let [little, much] = [0.05, 0.8].map(saturating);
-        let exact = |mean: DVector<f64>| Change { off: DVector::zeros(3), mean };
-        let kept = [(0.05, little.clone()), (0.8, much.clone())];
-        Signature::new(effect, (0.05, exact(little)), Some((0.8, exact(much))), kept)
+        let exact = |a: f64| Change { off: DVector::zeros(3), mean: saturating(a) };
+        Signature::new(effect, (0.05, &exact(0.05)), Some((0.8, &exact(0.8))))
     }
 
     #[test]
@@ -325,18 +262,12 @@ mod tests {
         let effect = Effect::named("limit_chain").unwrap();
         let own = |a: f64| saturating(a) + DVector::from_vec(vec![0.0, 0.0, a - 0.4 * a * a]);
         let off = |a: f64| Change { off: own(a) - saturating(a), mean: saturating(a) };
-        let kept = [0.05, 0.8, 1.6].map(|a| (a, own(a)));
-        let signature = Signature::new(effect, (0.05, off(0.05)), Some((0.8, off(0.8))), kept);
+        let signature = Signature::new(effect, (0.05, &off(0.05)), Some((0.8, &off(0.8))));
         for a in [0.05, 0.3, 0.8] {
             assert!((own(a) - signature.off(a) - saturating(a)).norm() < 1e-12, "{a}");
         }
-        let expected = [0.05, 0.8].map(saturating);
-        for ((_, kept), expected) in signature.kept.iter().zip(&expected) {
-            assert!((kept - expected).norm() < 1e-12);
-        }
         // Beyond the reach the mesh is off in proportion.
-        let far = &signature.kept[2].1 - (own(1.6) - 2.0 * off(0.8).off);
-        assert!(far.norm() < 1e-12);
+        assert!((signature.off(1.6) - 2.0 * off(0.8).off).norm() < 1e-12);
     }
 
     #[test]
@@ -360,14 +291,12 @@ mod tests {
         }
         assert_eq!(projector.explain(&signature, &DVector::zeros(3)).best(), (0.0, 0.0));
         assert_eq!(projector.explain(&signature, &saturating(0.5)).best().0, 0.0);
-        let largest = signature.change(0.8).norm();
-        let straight = [DVector::zeros(3), DVector::zeros(3)];
-        let of = |size: f64| projector.amplitude_of(&signature, &straight, size);
-        assert!((of(largest).unwrap() - 0.8).abs() < 1e-9);
-        let little = signature.change(0.05).norm();
-        assert!((of(0.5 * little).unwrap() - 0.025).abs() < 1e-9);
-        assert!((of(0.5 * (little + largest)).unwrap() - 0.425).abs() < 1e-9);
-        assert!(of(1.01 * largest).is_none());
+        let explained = projector.explain(&signature, &DVector::zeros(3));
+        for amplitude in [0.02, 0.3, 0.8] {
+            let found = explained.amplitude_of(signature.change(amplitude).norm()).unwrap();
+            assert!((found - amplitude).abs() < 1e-9, "{found} {amplitude}");
+        }
+        assert!(explained.amplitude_of(1.01 * explained.largest()).is_none());
     }
 
     #[test]
@@ -378,22 +307,5 @@ mod tests {
         let (left, part) = projector.surviving(&DVector::from_vec(vec![3.0, 4.0, 0.0]));
         assert!((left - DVector::from_vec(vec![0.0, 4.0, 0.0])).norm() < 1e-12);
         assert!((part - 0.8).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_calibration_follows_moduli_that_bend() {
-        let whitener = Whitener::new(&DMatrix::identity(3, 3), &[0], 3).unwrap();
-        let column = |v: [f64; 3]| DVector::from_row_slice(&v);
-        let moduli = [column([2.0, 0.0, 0.0]), column([0.0, 3.0, 0.0])];
-        let bends = [column([0.0, 0.0, 1.5]), column([0.0, 0.5, 0.0])];
-        let projector = Projector::new(&whitener, &moduli);
-        let of = |r: f64, l: f64| {
-            r * &moduli[0] + r * r * &bends[0] + l * &moduli[1] + l * l * &bends[1]
-        };
-        // What moduli do is no distance, however far they go; straight on, something would be left.
-        assert!(projector.distance(&of(0.5, -0.4), &bends) < 1e-6);
-        assert!(projector.surviving(&of(0.5, -0.4)).0.norm() > 0.3);
-        let beside = of(0.0, 0.3) + column([0.0, 0.0, 0.7]);
-        assert!((projector.distance(&beside, &bends) - 0.7).abs() < 0.01);
     }
 }

@@ -28,8 +28,6 @@ use rayon::prelude::*;
 const COMPARED: usize = 2;
 /// A large amplitude would change residuals by so many standard deviations, if it did so in proportion.
 const LARGE: f64 = 20.0;
-/// The amplitude beyond the large one up to which changes with moduli that stay are known, over it.
-const FARTHER: f64 = 3.0;
 /// Most that the logarithm of a modulus may go with it, steps in which it is sought, and how near to
 /// where a calibration puts it is near enough.
 const FAR: f64 = 0.7;
@@ -162,17 +160,13 @@ impl Variation<'_> {
             .map(|part| part * reach)
             .filter(|amplitude| *amplitude > 2.0 * small)
             .find_map(|amplitude| Some((amplitude, own(amplitude, [0.0; 2])?)));
-        let large = first.as_ref().and_then(|(amplitude, much)| {
-            let (at, found) = self.settled(effect, *amplitude, much, projector);
-            let change = self.compared(&found, &plan(*amplitude), at)?;
-            Some((*amplitude, change.without(moduli, at)))
+        let large = first.and_then(|(amplitude, much)| {
+            let (at, found) = self.settled(effect, amplitude, much, projector);
+            let change = self.compared(&found, &plan(amplitude), at)?;
+            Some((amplitude, change.without(moduli, at)))
         });
-        let farther = first.as_ref().and_then(|(reach, _)| {
-            let farther = (FARTHER * reach).min(farthest);
-            (farther > *reach).then(|| Some((farther, own(farther, [0.0; 2])?)))?
-        });
-        let kept = [(small, little)].into_iter().chain(first).chain(farther);
-        Some(Signature::new(effect, (small, small_change), large, kept))
+        let large = large.as_ref().map(|(amplitude, change)| (*amplitude, change));
+        Some(Signature::new(effect, (small, &small_change), large))
     }
 
     /// Where a calibration puts the logarithms of the moduli, and the change (mm) on the own mesh: it takes
@@ -181,12 +175,12 @@ impl Variation<'_> {
         &self,
         effect: &Effect,
         amplitude: f64,
-        kept: &DVector<f64>,
+        kept: DVector<f64>,
         projector: &Projector,
     ) -> ([f64; 2], DVector<f64>) {
         let plan = with_effect(self.plan, effect, amplitude);
         let mut at = [0.0; 2];
-        let mut found = kept.clone();
+        let mut found = kept;
         let mut last: Option<[f64; 2]> = None;
         for _ in 0..SETTLING_STEPS {
             let step = projector.fitted(&found);

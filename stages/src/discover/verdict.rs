@@ -177,16 +177,14 @@ impl<'a> Judge<'a> {
         Projector::new(&self.whitener, &moduli)
     }
 
-    /// The amplitude of each effect that changes the seen poses by a size (standard deviations) once a
-    /// calibration took its part, in a person whose moduli are the model's; `None` where no amplitude that was
-    /// tried does.
+    /// The amplitude of each effect that changes the seen poses by a size (standard deviations) beyond what moduli
+    /// can do; `None` where no plausible one does.
     pub fn amplitudes_of(&self, size: f64) -> Vec<(&'static Effect, Option<f64>)> {
         let projector = self.projector();
-        let moduli = self.evidence.by_moduli.each_ref();
-        let bends = moduli.map(|course| self.seen(&course.mean.curve));
         let amplitude = |signature: &Signature| {
             let seen = signature.of(|v| self.seen(v));
-            (signature.effect, projector.amplitude_of(&seen, &bends, size))
+            let nothing = DVector::zeros(seen.course.mean.slope.len());
+            (signature.effect, projector.explain(&seen, &nothing).amplitude_of(size))
         };
         self.evidence.signatures.iter().map(amplitude).collect()
     }
