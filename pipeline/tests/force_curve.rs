@@ -41,6 +41,7 @@ fn a_figure_shows_record_band_and_both_curves() {
         record: vec![(60.0, 5.0, true), (50.0, 20.0, false)],
         model: vec![[60.0, 4.0, 5.0, 0.5], [50.0, 15.0, 20.0, 0.8]],
         with: Some("with limit_chain 0.200".into()),
+        another: false,
     };
     let svg = band(&figure);
     assert!(svg.contains("a &lt; b") && svg.contains("limit_chain 0.200"));

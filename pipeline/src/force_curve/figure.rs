@@ -18,6 +18,8 @@ pub struct Band {
     pub model: Vec<[f64; 4]>,
     /// What the curve with an effect is called; none when there is no candidate.
     pub with: Option<String>,
+    /// Whether what the search did not see is another record, whose thicknesses are off by a number of its own.
+    pub another: bool,
 }
 
 /// Points of a drawn curve.
@@ -73,6 +75,7 @@ impl Band {
                 .collect(),
             model: (0..POINTS).map(row).collect(),
             with: best.map(|best| format!("with {} {:.3}", best.effect, best.amplitude[0])),
+            another: another.is_some(),
         }
     }
 }
@@ -96,6 +99,17 @@ const BEFORE: &str = "#c85000";
 const AFTER: &str = "#005e9e";
 const INK: &str = "#464646";
 
+/// Round numbers from one to another, some six of them.
+fn ticks(from: f64, to: f64) -> Vec<f64> {
+    let rough = ((to - from) / 6.0).max(1e-9);
+    let power = 10_f64.powf(rough.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0].map(|part| part * power).into_iter().find(|s| *s >= rough);
+    let step = step.unwrap_or(rough);
+    let (first, last) = ((from / step).ceil() as i64, (to / step).floor() as i64);
+    // So many decimals are none of the binary fraction's.
+    (first..=last).map(|n| (n as f64 * step * 1e6).round() / 1e6).collect()
+}
+
 /// Draws it as SVG; thicknesses fall from left to right.
 pub fn band(figure: &Band) -> String {
     let [width, height] = SIZE;
@@ -113,19 +127,23 @@ pub fn band(figure: &Band) -> String {
          <text x=\"{left}\" y=\"24\" font-size=\"16\">{}</text>\n",
         mammotwin_stages::report::escaped(&figure.title)
     );
-    for n in 0..=5 {
-        let (h, f) = (from + (to - from) * f64::from(n) / 5.0, most / 1.05 * f64::from(n) / 5.0);
-        // Writing to a string does not fail.
+    // Writing to a string does not fail.
+    for f in ticks(0.0, most) {
         let _ = writeln!(
             svg,
             "<line x1=\"{left}\" x2=\"{:.1}\" y1=\"{:.1}\" y2=\"{:.1}\" stroke=\"#e2e2de\"/>\
-             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{f:.0}</text>\
-             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{h:.0}</text>",
+             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{f}</text>",
             width - right,
             y(f),
             y(f),
             left - 8.0,
-            y(f) + 5.0,
+            y(f) + 5.0
+        );
+    }
+    for h in ticks(to, from) {
+        let _ = writeln!(
+            svg,
+            "<text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{h}</text>",
             x(h),
             height - bottom + 20.0
         );
@@ -155,8 +173,9 @@ pub fn band(figure: &Band) -> String {
         );
     }
     let with = figure.with.clone().unwrap_or_else(|| "model".into());
+    let open = if figure.another { "another, its thickness off by itself" } else { "held out" };
     let legend = [
-        ("record (filled: seen, open: held out)".to_owned(), INK),
+        (format!("record (filled: seen, open: {open})"), INK),
         ("model without an effect, offset and stiffness fitted".into(), BEFORE),
         (format!("{with}; ± 2 standard deviations of a force"), AFTER),
     ];
@@ -181,4 +200,16 @@ pub fn band(figure: &Band) -> String {
         0.5 * height
     );
     svg + "</svg>\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_lie_within() {
+        assert_eq!(ticks(0.0, 174.0), [0.0, 50.0, 100.0, 150.0]);
+        assert_eq!(ticks(46.0, 115.0), [60.0, 80.0, 100.0]);
+        assert_eq!(ticks(0.0, 0.35), [0.0, 0.1, 0.2, 0.3]);
+    }
 }
