@@ -32,6 +32,7 @@ pub mod search_box;
 pub mod segment;
 pub mod sensitivity;
 pub mod shape;
+mod span;
 pub mod surface;
 pub mod validate;
 pub mod volunteer;

@@ -62,19 +62,24 @@ impl Cables {
     }
 }
 
+/// Energy, tension and stiffness of what pulls with a stiffness of one and never pushes: it rises linearly over
+/// the first `soft` of the extension.
+pub(super) fn taut(extension: f64, soft: f64) -> [f64; 3] {
+    if extension <= 0.0 {
+        [0.0; 3]
+    } else if extension < soft {
+        let x = extension / soft;
+        [soft * soft * x * x * x / 6.0, 0.5 * soft * x * x, x]
+    } else {
+        let taut = extension - 0.5 * soft;
+        [0.5 * taut * taut + soft * soft / 24.0, taut, 1.0]
+    }
+}
+
 impl Cable {
     /// Energy, tension and stiffness at a length.
     fn response(&self, length: f64) -> (f64, f64, f64) {
-        let (extension, soft) = (length - self.natural_mm, SMOOTHING * self.natural_mm);
-        let (e, t, s) = if extension <= 0.0 {
-            (0.0, 0.0, 0.0)
-        } else if extension < soft {
-            let x = extension / soft;
-            (soft * soft * x * x * x / 6.0, 0.5 * soft * x * x, x)
-        } else {
-            let taut = extension - 0.5 * soft;
-            (0.5 * taut * taut + soft * soft / 24.0, taut, 1.0)
-        };
+        let [e, t, s] = taut(length - self.natural_mm, SMOOTHING * self.natural_mm);
         let k = self.stiffness_mn_per_mm;
         (k * e, k * t, k * s)
     }

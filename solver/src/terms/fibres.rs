@@ -5,7 +5,7 @@
 //! linearly from 0 to E, so that second derivatives are continuous. Beside a matrix without fibres the tissue is
 //! then transversely isotropic in tension.
 
-use super::{At, Block, Order, Term};
+use super::{At, Block, Order, Term, cable::taut};
 use crate::materials::MaterialError;
 use crate::model::ModelError;
 use mammotwin_data::{Mat3, Vec3, mesh::TetMesh};
@@ -61,19 +61,6 @@ impl Fibres {
     }
 }
 
-/// Energy, tension and stiffness of a fibre of unit stiffness at a strain.
-fn response(strain: f64) -> [f64; 3] {
-    if strain <= 0.0 {
-        [0.0; 3]
-    } else if strain < SMOOTHING {
-        let x = strain / SMOOTHING;
-        [SMOOTHING * SMOOTHING * x * x * x / 6.0, 0.5 * SMOOTHING * x * x, x]
-    } else {
-        let taut = strain - 0.5 * SMOOTHING;
-        [0.5 * taut * taut + SMOOTHING * SMOOTHING / 24.0, taut, 1.0]
-    }
-}
-
 impl Term for Fibres {
     fn name(&self) -> &str {
         &self.name
@@ -98,7 +85,7 @@ impl Term for Fibres {
         let nodes = self.tets[element].iter().zip(weights);
         let fibre: Vec3 = nodes.map(|(&n, w)| *w * at.points[n as usize]).sum();
         let stretch = fibre.norm();
-        let [energy, tension, stiffness] = response(stretch - 1.0);
+        let [energy, tension, stiffness] = taut(stretch - 1.0, SMOOTHING);
         let scale = self.young_kpa * self.volumes[element];
         block.energy = scale * energy;
         if order < Order::Gradient || tension == 0.0 {

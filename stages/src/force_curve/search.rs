@@ -3,8 +3,9 @@
 use super::{
     evidence::{Evidence, Parameters, Weighed},
     record::Record,
-    smooth::{orthonormal, shapes, without},
+    smooth::shapes,
 };
+use crate::span::{orthonormal, without};
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -116,8 +117,7 @@ impl Signature {
 /// Signatures of all effects, with offset and stiffness at a place.
 fn signatures(weighed: &Weighed<'_>, at: &Parameters) -> (Vec<Signature>, DMatrix<f64>) {
     let nuisance = weighed.nuisance(None, at);
-    let columns: Vec<DVector<f64>> = nuisance.column_iter().map(|c| c.into_owned()).collect();
-    let basis = orthonormal(&columns, nuisance.nrows());
+    let basis = orthonormal(&nuisance);
     let one = |ladder: usize| Signature::new(weighed, &basis, ladder, at);
     ((0..weighed.evidence.ladders.len()).map(one).collect(), basis)
 }
@@ -192,7 +192,10 @@ fn leftover(record: &Record, residual: &DVector<f64>, fitted: &DMatrix<f64>) -> 
         (rest.norm() > 1e-3 * shape.norm()).then_some(rest)
     };
     let shapes: Vec<DVector<f64>> = shapes(record).into_iter().filter_map(rest).collect();
-    let basis = orthonormal(&shapes, residual.len());
+    let basis = match shapes.is_empty() {
+        true => DMatrix::zeros(residual.len(), 0),
+        false => orthonormal(&DMatrix::from_columns(&shapes)),
+    };
     let squares = (basis.transpose() * residual).norm_squared();
     let count = (basis.ncols() as f64).max(1.0);
     // Wilson and Hilferty: the cube root of chi squared is nearly normal.
@@ -236,14 +239,15 @@ pub fn refit(weighed: &Weighed<'_>, ladder: usize, plain: &Parameters) -> Fitted
     let (at, misfit) = best;
     let residual = weighed.residual(Some(ladder), &at);
     let nuisance = weighed.nuisance(Some(ladder), &at);
-    let mut columns: Vec<DVector<f64>> = nuisance.column_iter().map(|c| c.into_owned()).collect();
-    let basis = orthonormal(&columns, residual.len());
+    let basis = orthonormal(&nuisance);
     let [low, high] = [-0.5, 0.5].map(|s| (at.amplitude + s * step).clamp(least, greatest));
     let by = |amplitude: f64| weighed.residual(Some(ladder), &Parameters { amplitude, ..at });
     let slope = (by(low) - by(high)) / (high - low).max(f64::MIN_POSITIVE);
     let deviation = without(&basis, &slope).norm().recip();
-    columns.push(slope);
-    let fitted = orthonormal(&columns, residual.len());
+    let free = nuisance.ncols();
+    let mut columns = nuisance.insert_column(free, 0.0);
+    columns.set_column(free, &slope);
+    let fitted = orthonormal(&columns);
     let left = leftover(weighed.record, &without(&fitted, &residual), &fitted);
     Fitted { ladder, at, deviation, gain: without_it - misfit, left }
 }

@@ -5,12 +5,12 @@ use super::{
     field::ChainError,
     library::{IMAGE_EFFECTS, ImageEffect},
 };
-use crate::discover::{ALIKE, FITTED, HELD_OUT, RARE, VerdictName, by_chance};
+use crate::{
+    discover::{ALIKE, FITTED, HELD_OUT, RARE, VerdictName, by_chance},
+    span::{FLAT, orthonormal, without},
+};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
-
-/// Shapes that hardly anything is left of are none.
-const FLAT: f64 = 1e-6;
 
 /// One effect in the screening.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -303,29 +303,4 @@ impl Search {
         }
         (answer.verdict, answer.reason) = (verdict, reason);
     }
-}
-
-/// A vector without its part in the span of orthonormal columns.
-fn without(basis: &DMatrix<f64>, vector: &DVector<f64>) -> DVector<f64> {
-    vector - basis * (basis.transpose() * vector)
-}
-
-/// Orthonormal columns of the same span; columns that add nothing are dropped.
-fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
-    let mut kept: Vec<DVector<f64>> = Vec::new();
-    for column in columns.column_iter() {
-        let whole = column.norm();
-        let mut rest = column.into_owned();
-        // Twice, for rounding.
-        for _ in 0..2 {
-            for unit in &kept {
-                let part = unit.dot(&rest);
-                rest.axpy(-part, unit, 1.0);
-            }
-        }
-        if rest.norm() > FLAT * whole {
-            kept.push(rest.normalize());
-        }
-    }
-    if kept.is_empty() { DMatrix::zeros(columns.nrows(), 0) } else { DMatrix::from_columns(&kept) }
 }
