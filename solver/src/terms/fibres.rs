@@ -1,7 +1,7 @@
 //! Fibres that run through the tissue, such as Cooper's ligaments: they pull but never push.
 //!
 //! With the stretch λ = |F a| of a rest direction a (unit vector), the energy of a volume at rest is ½ E (λ - 1)²
-//! where the fibre is taut and 0 where it is slack; over the first [`SMOOTHING`] of the strain the stiffness rises
+//! where the fibre is taut and 0 where it is slack; over the first 1 % of the strain the stiffness rises
 //! linearly from 0 to E, so that second derivatives are continuous. Beside a matrix without fibres the tissue is
 //! then transversely isotropic in tension.
 

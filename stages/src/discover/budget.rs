@@ -114,7 +114,7 @@ impl Budget {
     /// The budget of the residuals (mm) of all poses: noise from node to node and errors of the
     /// segmentation are taken for alike in size, and measured where residuals differ from the mean
     /// of their neighbours, robustly. The chest wall's is what people differ by
-    /// ([`CHEST_MM`]). `voxel_mm` is the edge of the images' voxels.
+    /// (1.05 mm an axis over 60 mm). `voxel_mm` is the edge of the images' voxels.
     pub fn of(nodes: &Nodes, residual: &DVector<f64>, voxel_mm: f64) -> Self {
         let mut rough = nodes.roughness(residual);
         rough.sort_unstable_by(f64::total_cmp);
