@@ -1,6 +1,6 @@
 //! `mammotwin discover`: find the disagreement, name the missing effect, add it, show the gap.
 
-use super::{Opened, open, run, write};
+use super::{Opened, beside, open, run, write};
 use crate::{
     cli::{DiscoverArguments, StudyArguments},
     display::Display,
@@ -109,7 +109,7 @@ fn add(
             path.display()
         ))
     })?;
-    let study = place(path, &text);
+    let study = beside(path, "discovered", &text);
     write(&study, text)?;
     let out = opened.store.out.join(format!("with_{effect}"));
     share_cache(&opened.store.out.join("cache"), &out.join("cache"))?;
@@ -127,18 +127,6 @@ fn add(
     };
     let with_and_without = discovery::Added { modified_hausdorff_mm, force };
     Ok(Added { study, effect: effect.into(), amplitude, with_and_without })
-}
-
-/// Where the study with the effect goes: a file that is there already, with something else in it, may
-/// have been edited and stays.
-fn place(study: &Path, text: &str) -> PathBuf {
-    let named = |n: u32| match n {
-        1 => study.with_extension("discovered.toml"),
-        _ => study.with_extension(format!("discovered-{n}.toml")),
-    };
-    let free =
-        |path: &PathBuf| !path.exists() || fs::read_to_string(path).is_ok_and(|held| held == text);
-    (1..).map(named).find(free).unwrap_or_else(|| named(1))
 }
 
 /// Modified Hausdorff distance (mm) of every pose after the fit.

@@ -122,6 +122,18 @@ pub fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<(), Failure> {
     fs::write(path, bytes).map_err(|cause| Failure::io(path, cause))
 }
 
+/// Where a study with something added goes, beside the first (`STUDY.KIND.toml`): a file that is there already, with
+/// something else in it, may have been edited and stays.
+pub fn beside(study: &Path, kind: &str, text: &str) -> PathBuf {
+    let named = |n: u32| match n {
+        1 => study.with_extension(format!("{kind}.toml")),
+        _ => study.with_extension(format!("{kind}-{n}.toml")),
+    };
+    let free =
+        |path: &PathBuf| !path.exists() || fs::read_to_string(path).is_ok_and(|held| held == text);
+    (1..).map(named).find(free).unwrap_or_else(|| named(1))
+}
+
 /// Reads a study file and finds its store; writes nothing.
 pub fn open(arguments: &StudyArguments) -> Result<Opened, Failure> {
     let path = &arguments.study;

@@ -56,7 +56,15 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
     let mut tried = Tried::default();
     if arguments.poses {
         for &jm in &jm {
-            tried.press(&opened, &of_one_material(&opened.study, jm), &ways(&[jm]))?;
+            let ways = ways(&[jm]);
+            match tried.press(&opened, &of_one_material(&opened.study, jm), &ways) {
+                // The poses do not stand such a material.
+                Err(Failure::Numerics(why)) => {
+                    tell!("Jₘ {jm} failed: {why}");
+                    tried.courses.extend(ways.iter().map(|_| None));
+                }
+                pressed => pressed?,
+            }
         }
     } else {
         tried.press(&opened, &opened.study, &ways(&jm))?;
@@ -131,16 +139,7 @@ impl Tried {
         let (display, options) = (Display::new(), Options::default());
         let Opened { store, base, .. } = opened;
         let drive = Drive { store, base, options: &options, listener: &display };
-        let pass = match store::execute(&drive, |run| graph::squeezes(study, &plans, run)) {
-            // The poses do not stand such a material.
-            Err(Failure::Numerics(why)) if ways.iter().all(|(jm, _)| *jm == ways[0].0) => {
-                drop(display);
-                tell!("{} failed: {why}", plans[0].0);
-                self.courses.extend(ways.iter().map(|_| None));
-                return Ok(());
-            }
-            pass => pass?,
-        };
+        let pass = store::execute(&drive, |run| graph::squeezes(study, &plans, run))?;
         drop(display);
         self.computed[0] += pass.entries.iter().filter(|entry| entry.computed).count();
         self.computed[1] += pass.entries.len();

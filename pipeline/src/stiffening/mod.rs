@@ -8,11 +8,13 @@ pub use gravity::{Both, Hanging, gravity_table};
 pub use page::{course_table, page, posterior_table, said};
 pub use posterior::{Course, Grid, Marginal, Posterior, RecordError};
 
+use crate::force_curve;
 use mammotwin_data::{
     Failure,
     study::{CompressLaw, CompressPlan, LawName, StopPlan},
 };
-use std::{fs, path::Path};
+use mammotwin_stages::force_curve::record::{Channel, Reading};
+use std::path::Path;
 
 /// One point of a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,47 +25,18 @@ pub struct Measured {
     pub force_n: f64,
 }
 
-/// First line of a record.
-const HEADER: &str = "thickness_mm,force_n";
-/// Larger files are no records (bytes).
-const MOST_BYTES: u64 = 1 << 20;
 /// How much farther (mm) than a record the model is pressed: forces change with the thickness there too.
 const FARTHER_MM: f64 = 0.5;
 
-/// Reads a record: a CSV table `thickness_mm,force_n`; lines that begin with # are left out.
+/// Reads the forces of a record ([`force_curve::read_record`]).
 ///
 /// # Errors
 /// [`Failure::BadInput`] with the line that cannot be meant.
 pub fn read_record(path: &Path) -> Result<Vec<Measured>, Failure> {
-    let refuse = |why: String| Failure::BadInput(format!("{}: {why}", path.display()));
-    let size = fs::metadata(path).map_err(|cause| Failure::io(path, cause))?.len();
-    if size > MOST_BYTES {
-        return Err(refuse(format!("{size} bytes; a record is a short table {HEADER}")));
-    }
-    let bytes = fs::read(path).map_err(|cause| Failure::io(path, cause))?;
-    let text = String::from_utf8(bytes).map_err(|_| refuse("is not text".into()))?;
-    let mut lines = text.lines().enumerate().map(|(n, line)| (n + 1, line.trim()));
-    let mut lines = lines.by_ref().filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-    match lines.next() {
-        Some((_, line)) if line.trim_start_matches('\u{feff}') == HEADER => {}
-        _ => return Err(refuse(format!("first line: write {HEADER}"))),
-    }
-    let mut record = Vec::new();
-    for (number, line) in lines {
-        let cells: Vec<Option<f64>> = line.split(',').map(|c| c.trim().parse().ok()).collect();
-        let [Some(thickness_mm), Some(force_n)] = cells[..] else {
-            return Err(refuse(format!("line {number}: write two numbers, {HEADER}")));
-        };
-        if !(5.0..=200.0).contains(&thickness_mm) || !(0.0..=500.0).contains(&force_n) {
-            let text = "thickness is 5 to 200 mm, force 0 to 500 N";
-            return Err(refuse(format!("line {number}: {text}")));
-        }
-        record.push(Measured { thickness_mm, force_n });
-    }
-    if record.is_empty() {
-        return Err(refuse("holds no point".into()));
-    }
-    Ok(record)
+    let forces = force_curve::read_record(path)?.0.into_iter();
+    let forces = forces.filter(|reading| reading.channel == Channel::Force);
+    let point = |r: Reading| Measured { thickness_mm: r.thickness_mm, force_n: r.value };
+    Ok(forces.map(point).collect())
 }
 
 /// The compression of a study with another Jₘ and another place of the paddle, to the smallest
@@ -84,32 +57,4 @@ pub fn way(
     };
     let label = format!("jm_{jm}_at_{distance_mm}mm").replace('.', "-");
     (label, CompressPlan { law, stop, chest_wall_distance_mm: distance_mm, ..plan.clone() })
-}
-
-#[cfg(test)]
-#[allow(clippy::unwrap_used)] // a test may fail at once
-mod tests {
-    use super::*;
-
-    #[test]
-    fn records_are_read_and_what_cannot_be_meant_is_named() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("record.csv");
-        let read = |text: &str| {
-            fs::write(&path, text).unwrap();
-            read_record(&path)
-        };
-        let found = read("# unit 3\nthickness_mm,force_n\n60,12.5\n\n 50.5 , 40\n").unwrap();
-        assert_eq!(found[1], Measured { thickness_mm: 50.5, force_n: 40.0 });
-        for (text, word) in [
-            ("60,12.5\n", "first line"),
-            ("thickness_mm,force_n\n", "no point"),
-            ("thickness_mm,force_n\n60;12\n", "line 2"),
-            ("thickness_mm,force_n\n60,12\nnan,3\n", "line 3"),
-            ("thickness_mm,force_n\n6,1200\n", "0 to 500 N"),
-        ] {
-            let said = read(text).unwrap_err().to_string();
-            assert!(said.contains(word), "{said}");
-        }
-    }
 }

@@ -33,7 +33,7 @@ pub struct Bent {
 
 impl Bent {
     /// Through nothing, the change (mm) by a small number, and that by a large one.
-    fn through((small, little): (f64, &DVector<f64>), large: Option<(f64, &DVector<f64>)>) -> Self {
+    fn through((small, little): (f64, DVector<f64>), large: Option<(f64, DVector<f64>)>) -> Self {
         let mut slope = little / small;
         let mut curve = DVector::zeros(slope.len());
         if let Some((far, much)) = large {
@@ -65,12 +65,12 @@ pub struct Course {
 impl Course {
     /// Through nothing, the change by a small number, and that by a large one.
     pub(super) fn through(small: (f64, &Change), large: Option<(f64, &Change)>) -> Self {
-        let of = |part: fn(&Change) -> &DVector<f64>| {
-            let part = |(number, change): (f64, &'_ Change)| (number, part(change).clone());
-            let ((small, little), large) = (part(small), large.map(part));
-            Bent::through((small, &little), large.as_ref().map(|(far, much)| (*far, much)))
-        };
-        Self { mean: of(|change| &change.mean), off: of(|change| &change.off) }
+        let mean = |(number, change): (f64, &Change)| (number, change.mean.clone());
+        let off = |(number, change): (f64, &Change)| (number, change.off.clone());
+        Self {
+            mean: Bent::through(mean(small), large.map(mean)),
+            off: Bent::through(off(small), large.map(off)),
+        }
     }
 
     /// Some of the rows.

@@ -1,7 +1,10 @@
 //! Charts as SVG.
 
 use super::html::{escaped, significant};
-use plotters::prelude::*;
+use plotters::{
+    coord::{Shift, types::RangedCoordf64},
+    prelude::*,
+};
 
 /// Quantities over one axis.
 #[derive(Debug, Clone, PartialEq)]
@@ -139,17 +142,17 @@ pub(super) fn with_hits(svg: String, [x_label, y_label]: [&str; 2], hits: &[Hit]
     svg.replacen("</svg>", &format!("{circles}</svg>"), 1)
 }
 
-type Drawn<'a, T = ()> =
+pub(super) type Drawn<'a, T = ()> =
     Result<T, DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
 
-fn draw_lines<'a>(
-    svg: &'a mut String,
-    chart: &Chart,
-    x: [f64; 2],
-    y: [f64; 2],
-) -> Drawn<'a, Vec<Hit>> {
-    let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
-    let mut axes = ChartBuilder::on(&area)
+/// Axes with their labels and lines, about so many numbers along x.
+pub(super) fn axes<'a>(
+    area: &DrawingArea<SVGBackend<'a>, Shift>,
+    Extents { x, y }: Extents,
+    [x_label, y_label]: [&str; 2],
+    numbers: usize,
+) -> Drawn<'a, ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>> {
+    let mut axes = ChartBuilder::on(area)
         .margin(24)
         .x_label_area_size(84)
         .y_label_area_size(120)
@@ -160,13 +163,24 @@ fn draw_lines<'a>(
         .axis_style(INK.stroke_width(2))
         .label_style(("sans-serif", 27, &INK))
         .axis_desc_style(("sans-serif", 29, &INK))
-        .x_labels(7)
+        .x_labels(numbers)
         .y_labels(6)
-        .x_desc(&chart.x_label)
-        .y_desc(&chart.y_label)
+        .x_desc(x_label)
+        .y_desc(y_label)
         .x_label_formatter(&|v| number(*v))
         .y_label_formatter(&|v| number(*v))
         .draw()?;
+    Ok(axes)
+}
+
+fn draw_lines<'a>(
+    svg: &'a mut String,
+    chart: &Chart,
+    x: [f64; 2],
+    y: [f64; 2],
+) -> Drawn<'a, Vec<Hit>> {
+    let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    let mut axes = axes(&area, Extents { x, y }, [&chart.x_label, &chart.y_label], 7)?;
     for (line, color) in chart.lines.iter().zip(COLORS.iter().cycle()) {
         let style = color.stroke_width(4);
         let points = line.points.iter().copied().filter(|p| p.0.is_finite() && p.1.is_finite());

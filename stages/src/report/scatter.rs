@@ -1,6 +1,6 @@
 //! Points in the plane of two quantities, told apart by colour, shape and filling.
 
-use super::chart::{COLORS, Extents, GRID, Hit, INK, extents, number, with_hits};
+use super::chart::{COLORS, Drawn, Hit, INK, axes, extents, with_hits};
 use plotters::{coord::Shift, prelude::*};
 
 /// Points over two quantities.
@@ -57,9 +57,6 @@ const SIZE: (u32, u32) = (1160, 640);
 const LEGEND: u32 = 300;
 const RADIUS: i32 = 11;
 
-type Drawn<'a, T = ()> =
-    Result<T, DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
-
 /// Draws the points; those that are not finite are left out.
 pub fn scatter(scatter: &Scatter) -> String {
     let mut svg = String::new();
@@ -70,27 +67,10 @@ pub fn scatter(scatter: &Scatter) -> String {
 fn draw<'a>(svg: &'a mut String, scatter: &Scatter) -> Drawn<'a, Vec<Hit>> {
     let finite = |dot: &&Dot| dot.at.0.is_finite() && dot.at.1.is_finite();
     let dots = || scatter.groups.iter().flat_map(|group| &group.dots).filter(finite);
-    let Extents { x, y } = extents(dots().map(|dot| dot.at));
     let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
     let (plot, legend) = area.split_horizontally(SIZE.0 - LEGEND);
-    let mut axes = ChartBuilder::on(&plot)
-        .margin(24)
-        .x_label_area_size(84)
-        .y_label_area_size(120)
-        .build_cartesian_2d(x[0]..x[1], y[0]..y[1])?;
-    axes.configure_mesh()
-        .bold_line_style(GRID.stroke_width(2))
-        .light_line_style(TRANSPARENT)
-        .axis_style(INK.stroke_width(2))
-        .label_style(("sans-serif", 27, &INK))
-        .axis_desc_style(("sans-serif", 29, &INK))
-        .x_labels(6)
-        .y_labels(6)
-        .x_desc(&scatter.x_label)
-        .y_desc(&scatter.y_label)
-        .x_label_formatter(&|v| number(*v))
-        .y_label_formatter(&|v| number(*v))
-        .draw()?;
+    let axes =
+        axes(&plot, extents(dots().map(|dot| dot.at)), [&scatter.x_label, &scatter.y_label], 6)?;
     let mut hits = Vec::new();
     for (group, color) in scatter.groups.iter().zip(COLORS.iter().cycle()) {
         for dot in group.dots.iter().filter(finite) {

@@ -4,7 +4,7 @@ mod bench;
 mod page;
 mod tally;
 
-use super::{Opened, open, write};
+use super::{Opened, beside, open, write};
 use crate::{
     cli::{ForceCurveArguments, StudyArguments},
     display::Display,
@@ -258,20 +258,9 @@ fn add(
     if study.compress.as_ref() != Some(&with) {
         return Err(refuse(&"its compression is not read as it is written"));
     }
-    let path = place(&opened.file, &text);
+    let path = beside(&opened.file, "force-curve", &text);
     write(&path, text)?;
     Ok(Some(path))
-}
-
-/// Where the new study goes: a file that is there with something else in it may have been edited and stays.
-fn place(study: &Path, text: &str) -> PathBuf {
-    let named = |n: u32| match n {
-        1 => study.with_extension("force-curve.toml"),
-        _ => study.with_extension(format!("force-curve-{n}.toml")),
-    };
-    let free =
-        |path: &PathBuf| !path.exists() || fs::read_to_string(path).is_ok_and(|held| held == text);
-    (1..).map(named).find(free).unwrap_or_else(|| named(1))
 }
 
 fn html(subject: &str, sentences: &[String], svg: &str) -> String {
