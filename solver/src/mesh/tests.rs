@@ -2,13 +2,17 @@
 
 use super::{
     bodies::{Ball, Mound, Torso},
-    domain::{Domain, ON_SURFACE_MM},
+    domain::{Domain, ON_SURFACE_MM, PatchDistances},
     lattice::Placement,
     quality::quality,
-    tetrahedralize::{MeshError, Meshing, tetrahedralize},
+    tetrahedralize::{MeshError, Meshing, on_lattice, tetrahedralize},
     topology::{euler_characteristic, face_key, face_neighbors, pinched_nodes},
 };
-use mammotwin_data::{Vec3, labels::Tissue, mesh::TetMesh};
+use mammotwin_data::{
+    Vec3,
+    labels::Tissue,
+    mesh::{Patch, TetMesh},
+};
 use std::f64::consts::PI;
 
 fn mesh(domain: &dyn Domain, size_mm: f64) -> TetMesh {
@@ -106,6 +110,40 @@ fn another_placement_gives_the_same_body_with_other_nodes() {
     assert_eq!(shared, 0);
 }
 
+/// A torso whose skin and chest wall have bumps that are smaller than elements.
+struct Bumpy(Torso);
+
+impl Domain for Bumpy {
+    fn distances(&self, p: &Vec3) -> PatchDistances {
+        let bump = |k: f64| 1.5 * (k * p.x).sin() * (k * p.y).cos() * (k * p.z).sin();
+        let smooth = self.0.distances(p);
+        let of = |patch: Patch, k: f64| smooth.of(patch) + bump(k);
+        smooth
+            .with(Patch::Skin, of(Patch::Skin, 0.9))
+            .with(Patch::ChestWall, of(Patch::ChestWall, 0.7))
+    }
+
+    fn bounds(&self) -> (Vec3, Vec3) {
+        self.0.bounds()
+    }
+}
+
+#[test]
+fn a_lattice_that_meets_bumps_badly_is_shifted() {
+    let domain = Bumpy(Torso::small());
+    let mut bad = 0;
+    for n in 0..6 {
+        let turn = 0.1 * f64::from(n);
+        let placement = Placement { rotation: [turn, 0.3, 0.7 * turn], offset: [turn, 0.0, 0.4] };
+        let meshing = Meshing { size_mm: 15.0, placement };
+        bad += usize::from(on_lattice(&domain, &meshing, |_| Tissue::Skin).is_err());
+        let mesh = tetrahedralize(&domain, &meshing, |_| Tissue::Skin).unwrap();
+        assert!(mesh.tets.iter().all(|tet| TetMesh::tet_volume(&mesh.points, tet) > 0.0));
+    }
+    println!("{bad} of 6 lattices are bad");
+    assert!(bad > 0, "no lattice had to be shifted");
+}
+
 #[test]
 fn the_same_input_gives_the_same_mesh() {
     assert_eq!(mesh(&Mound, 7.0), mesh(&Mound, 7.0));
@@ -130,8 +168,8 @@ fn nonsense_is_refused() {
 struct Everything;
 
 impl Domain for Everything {
-    fn distances(&self, _: &Vec3) -> super::domain::PatchDistances {
-        super::domain::PatchDistances::none()
+    fn distances(&self, _: &Vec3) -> PatchDistances {
+        PatchDistances::none()
     }
 
     fn bounds(&self) -> (Vec3, Vec3) {
@@ -143,7 +181,7 @@ impl Domain for Everything {
 struct Shifted(Vec3);
 
 impl Domain for Shifted {
-    fn distances(&self, p: &Vec3) -> super::domain::PatchDistances {
+    fn distances(&self, p: &Vec3) -> PatchDistances {
         Ball { radius: 1.0 }.distances(&(p - self.0))
     }
 

@@ -76,7 +76,37 @@ const MOST_POINTS: f64 = 1.6e7;
 /// Nodes of a patch lie on its zero surface within [`ON_SURFACE_MM`](super::domain::ON_SURFACE_MM);
 /// nodes between patches lie on both. Where the body is thinner than an element and so would touch
 /// itself, elements are dropped, up to a hundredth of its volume; nodes beside them lie on no patch.
+/// Where a lattice meets a rough surface so that an element stays flat, it is shifted.
+///
+/// # Errors
+/// [`MeshError`]: a box or size without sense, a body without elements, or one that is too thin or too
+/// rough on every lattice.
 pub fn tetrahedralize(
+    domain: &dyn Domain,
+    meshing: &Meshing,
+    tissue: impl Fn(&Vec3) -> Tissue,
+) -> Result<TetMesh, MeshError> {
+    let first = on_lattice(domain, meshing, &tissue);
+    if !matches!(first, Err(MeshError::Flat { .. } | MeshError::NotManifold { .. })) {
+        return first;
+    }
+    let shifted = |n: usize| {
+        let mut other = *meshing;
+        for (offset, step) in other.placement.offset.iter_mut().zip(SHIFT) {
+            *offset += n as f64 * step;
+        }
+        tracing::debug!(?other, "another lattice");
+        on_lattice(domain, &other, &tissue).ok()
+    };
+    (1..LATTICES).find_map(shifted).map_or(first, Ok)
+}
+
+/// Lattices that are tried, and the way (cells) from one to the next.
+const LATTICES: usize = 5;
+const SHIFT: [f64; 3] = [0.37, 0.23, 0.31];
+
+/// The mesh on the lattice of that placement.
+pub(super) fn on_lattice(
     domain: &dyn Domain,
     meshing: &Meshing,
     tissue: impl Fn(&Vec3) -> Tissue,
