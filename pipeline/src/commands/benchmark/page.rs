@@ -7,8 +7,8 @@ use super::{
 use crate::{cli::BenchmarkArguments, page::median};
 use mammotwin_stages::{
     discover::VerdictName,
-    effects::EFFECTS,
-    report::chart::{Axis, Chart, Line, lines},
+    effects::{EFFECTS, Effect},
+    report::scatter::{Dot, Fill, Group, Scatter, scatter},
 };
 use std::{collections::BTreeMap, fmt::Write};
 
@@ -172,7 +172,7 @@ fn targets(text: &mut String, results: &Results) {
 fn singles(text: &mut String, results: &Results) {
     let _ = writeln!(
         text,
-        "## One hidden effect\n\n![Detected and named](detection.svg)\n\n\
+        "## One hidden effect\n\n![What is found over the size of an effect](detection.svg)\n\n\
          *σ found*: size of the hidden amplitude for the model that was calibrated to the data.\n\n\
          | effect | σ | σ found | detected | best | best two | named | wrong | amplitude / truth | refit / truth | trials |\n\
          |---|---|---|---|---|---|---|---|---|---|---|"
@@ -273,29 +273,34 @@ fn images(text: &mut String, results: &Results) {
     text.push('\n');
 }
 
-/// Detection and naming over severity.
+/// What is found of each effect over the size that it has in the data.
 pub fn chart(results: &Results) -> String {
-    let at = |sigma: f64, holds: fn(&Trial) -> bool| {
-        let trials: Vec<&Trial> = results.of(Tier::Single).filter(|t| t.sigma == sigma).collect();
-        share(&trials, holds).map(|part| (sigma, 100.0 * part))
+    let group = |effect: &'static Effect| {
+        let dots: Vec<Dot> =
+            results.sigmas().into_iter().flat_map(|sigma| dots(results, effect, sigma)).collect();
+        (!dots.is_empty()).then(|| Group { name: effect.name.into(), dots })
     };
-    let line = |name: &str, holds: fn(&Trial) -> bool| Line {
-        name: name.into(),
-        points: results.sigmas().into_iter().filter_map(|sigma| at(sigma, holds)).collect(),
-    };
-    lines(&Chart {
-        title: "Detected and named".into(),
-        caption: String::new(),
-        x_label: "severity (standard deviations)".into(),
+    scatter(&Scatter {
+        title: "What is found of each effect".into(),
+        x_label: "size found (standard deviations)".into(),
         y_label: "part of the trials (%)".into(),
-        lines: vec![
-            line("detected", Trial::detected),
-            line("best is the truth", |t| t.within(1)),
-            line("named wrongly", Trial::wrong),
-        ],
-        marks: Vec::new(),
-        x_axis: Axis::Rising,
+        groups: EFFECTS.into_iter().filter_map(group).collect(),
+        shapes: vec!["detected".into(), "best is the truth".into()],
+        full: String::new(),
     })
+}
+
+/// Detected, and the truth as the best explanation, of one effect and severity.
+fn dots(results: &Results, effect: &Effect, sigma: f64) -> Vec<Dot> {
+    let cell = results.cell(Tier::Single, effect.name, sigma);
+    let Some(size) = results.size(effect.name, sigma) else { return Vec::new() };
+    let holds: [fn(&Trial) -> bool; 2] = [Trial::detected, |trial| trial.within(1)];
+    let dot = |(shape, holds): (usize, fn(&Trial) -> bool)| {
+        let part = share(&cell, holds)?;
+        let name = format!("{}, {sigma} σ", effect.name);
+        Some(Dot { at: (size, 100.0 * part), shape, fill: Fill::Full, name })
+    };
+    holds.into_iter().enumerate().filter_map(dot).collect()
 }
 
 fn percent(part: f64) -> String {
