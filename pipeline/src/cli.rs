@@ -120,7 +120,8 @@ both.
 
 Examples:
   mammotwin discover study.toml
-  mammotwin discover study.toml --held-out tilted --json";
+  mammotwin discover study.toml --held-out tilted --json
+  mammotwin discover study.toml --effects limit_chain,skin_region    # quicker";
 
 const GC_HELP: &str = "\
 Kept are the results of the study as it is now, results whose need is not known before other
@@ -245,6 +246,9 @@ pub struct DiscoverArguments {
     /// use = \"validate\"]
     #[arg(long, value_name = "POSE")]
     pub held_out: Option<String>,
+    /// Effects to look for [default: all of `mammotwin effects`]
+    #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
+    pub effects: Vec<String>,
     /// Answer in JSON
     #[arg(long)]
     pub json: bool,

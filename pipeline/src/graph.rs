@@ -21,7 +21,7 @@ use mammotwin_stages::{
         ShownPicture, SixteenBits,
     },
     discover::{Discover, Discovery, Evidence, Gather},
-    effects::EFFECTS,
+    effects::Effect,
     gland::Gland,
     mammogram::{Mammogram, Mammograms},
     mesh::{BreastMesh, Mesh},
@@ -232,7 +232,12 @@ pub struct Found {
 const QUADRATIC_EDGE: f64 = 1.25;
 
 /// Calls the stages of a study, and looks for an effect that its model lacks.
-pub fn discover(study: &Study, held_out: &str, run: &Run<'_>) -> Result<Found, Failure> {
+pub fn discover(
+    study: &Study,
+    held_out: &str,
+    library: &[&'static Effect],
+    run: &Run<'_>,
+) -> Result<Found, Failure> {
     let Outcome { reference, poses, mesh, calibration, .. } = self::run(study, run)?;
     let (meshing, mesh, calibration) = match study.mesh.elements {
         Elements::Quadratic => (study.mesh, mesh, calibration),
@@ -258,7 +263,7 @@ pub fn discover(study: &Study, held_out: &str, run: &Run<'_>) -> Result<Found, F
         gravity: gravity(&reference, &study.poses[&reference])?,
         poses: names,
         reference: reference.clone(),
-        library: EFFECTS.map(|effect| effect.name).to_vec(),
+        library: library.iter().map(|effect| effect.name).collect(),
     };
     let first = &poses[&reference];
     let inputs = (&first.labels, &first.surfaces, &mesh, &calibration, &motions[..], &surfaces[..]);

@@ -78,6 +78,7 @@ fn usage_is_2() {
         &["run", "study.toml", "--only", "a", "--from", "b"],
         &["synth", "--out", "x", "--voxel-mm", "1,2"],
         &["synth", "--out", "x", "--poses", "sitting"],
+        &["discover", "study.toml", "--effects", "limit_chain,magic"],
     ] {
         assert_eq!(mammotwin(arguments, here).status.code(), Some(2), "{arguments:?}");
     }

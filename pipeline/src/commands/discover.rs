@@ -1,6 +1,6 @@
 //! `mammotwin discover`: find the disagreement, name the missing effect, add it, show the gap.
 
-use super::{Opened, beside, open, run, write};
+use super::{Opened, beside, effects::library, open, run, write};
 use crate::{
     cli::{DiscoverArguments, StudyArguments},
     display::Display,
@@ -25,6 +25,7 @@ use std::{
 
 /// Looks for a missing effect, and runs the study with it when there is one.
 pub fn discover(arguments: &DiscoverArguments) -> Result<(), Failure> {
+    let library = library(&arguments.effects)?;
     let opened = open(&arguments.study)?;
     let held_out = held_out(&opened, arguments.held_out.as_deref())?;
     opened.refuse_wrong(&findings(&opened.study, &opened.base))?;
@@ -32,7 +33,7 @@ pub fn discover(arguments: &DiscoverArguments) -> Result<(), Failure> {
     let options = Options { until: vec!["discover".into()], ..Options::default() };
     let Opened { study, base, store, .. } = &opened;
     let drive = Drive { store, base, options: &options, listener: &display };
-    let pass = store::execute(&drive, |run| graph::discover(study, &held_out, run))?;
+    let pass = store::execute(&drive, |run| graph::discover(study, &held_out, &library, run))?;
     drop(display);
     let found = pass.outcome.discovery.load()?;
     let added = match addition(&found.verdict) {

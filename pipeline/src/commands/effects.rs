@@ -2,8 +2,22 @@
 
 use crate::cli::EffectsArguments;
 use mammotwin_data::Failure;
-use mammotwin_stages::{effects::EFFECTS, force_curve::library::CURVE_EFFECTS};
+use mammotwin_stages::{
+    effects::{EFFECTS, Effect},
+    force_curve::library::CURVE_EFFECTS,
+};
 use serde_json::json;
+
+/// The effects of these names, in the order of the library; all of them without a name.
+pub fn library(names: &[String]) -> Result<Vec<&'static Effect>, Failure> {
+    if let Some(name) = names.iter().find(|name| Effect::named(name).is_none()) {
+        return Err(Failure::Usage(format!(
+            "--effects {name}: no such effect of the poses; `mammotwin effects` lists them"
+        )));
+    }
+    let wanted = |effect: &&Effect| names.is_empty() || names.iter().any(|n| n == effect.name);
+    Ok(EFFECTS.into_iter().filter(wanted).collect())
+}
 
 /// Prints the library of effects.
 pub fn effects(arguments: &EffectsArguments) -> Result<(), Failure> {

@@ -300,12 +300,12 @@ impl Stage for Gather {
             .ok_or_else(|| Failure::Numerics("discover: errors without a covariance".into()))?;
         let slopes = by_moduli.each_ref().map(|course| course.mean.slope.clone());
         let projector = Projector::new(&whitener, &slopes);
-        let signatures: Vec<Signature> = EFFECTS
-            .into_par_iter()
+        let library = || self.library.par_iter().filter_map(|name| Effect::named(name));
+        let signatures: Vec<Signature> = library()
             .filter_map(|effect| variation.signature(effect, &projector, &by_moduli))
             .collect();
         let found = |effect: &&Effect| signatures.iter().any(|s| s.effect.name == effect.name);
-        let failed = EFFECTS.into_iter().filter(|e| !found(e)).map(|e| e.name.into()).collect();
+        let failed = library().filter(|e| !found(e)).map(|e| e.name.into()).collect();
         Ok(Evidence {
             poses: self.poses.clone(),
             budget,

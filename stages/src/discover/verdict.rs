@@ -8,7 +8,7 @@ use super::{
     screen::Screening,
     signature::{Projector, Signature},
 };
-use crate::effects::{EFFECTS, Effect};
+use crate::effects::Effect;
 use mammotwin_data::Failure;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use serde::{Deserialize, Serialize};
@@ -279,7 +279,8 @@ impl<'a> Judge<'a> {
     fn decide(&self, verdict: &mut Verdict, screening: &Screening, before: &DVector<f64>) {
         let Screening { scores, limit, .. } = screening;
         let failed = &self.evidence.failed;
-        if failed.len() as f64 > FAILED * EFFECTS.len() as f64 {
+        let tried = failed.len() + self.evidence.signatures.len();
+        if failed.len() as f64 > FAILED * tried as f64 {
             verdict.verdict = VerdictName::InsufficientData;
             verdict.reason = format!("the model failed with {}", failed.join(", "));
             return;

@@ -14,7 +14,7 @@ use mammotwin_data::{
 };
 use mammotwin_stages::{
     discover::{Discovery, Evidence},
-    effects::Effect,
+    effects::{EFFECTS, Effect},
     volunteer::{PoseName, Settings},
 };
 use std::{fs, path::PathBuf};
@@ -99,7 +99,8 @@ impl Case {
         let options = Options { until: vec![stage.into()], ..Options::default() };
         let display = Display::new();
         let drive = Drive { store, base, options: &options, listener: &display };
-        let pass = store::execute(&drive, |run| graph::discover(study, HELD_OUT.name(), run))?;
+        let pass =
+            store::execute(&drive, |run| graph::discover(study, HELD_OUT.name(), &EFFECTS, run))?;
         pick(pass.outcome).load()
     }
 

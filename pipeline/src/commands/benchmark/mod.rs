@@ -9,6 +9,7 @@ mod page;
 mod tally;
 
 use super::{
+    effects::library,
     synth::{truth_edge, voxels},
     write,
 };
@@ -47,14 +48,8 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
             "give at least one of --seeds, and --draws of 1 or more".into(),
         ));
     }
-    if let Some(name) = arguments.effects.iter().find(|name| Effect::named(name).is_none()) {
-        return Err(Failure::Usage(format!(
-            "--effects {name}: no such effect; `mammotwin effects` lists them"
-        )));
-    }
-    let wanted = |effect: &Effect| {
-        arguments.effects.is_empty() || arguments.effects.iter().any(|name| name == effect.name)
-    };
+    let hidden = library(&arguments.effects)?;
+    let wanted = |effect: &Effect| hidden.iter().any(|hidden| hidden.name == effect.name);
     Preset::named(&arguments.preset)?;
     let (voxel_mm, truth_mm) = (voxels(&arguments.voxel_mm)?, truth_edge(arguments.truth_mm)?);
     let out = &arguments.out;
