@@ -235,7 +235,7 @@ fn the_error_of_the_model_is_mapped_without_a_hole_and_only_once() {
     let again = printed(&asked);
     assert!(again.starts_with("0 of "), "{again}");
     let page = fs::read_to_string(place.join("sensitivity.html")).unwrap();
-    assert!(page.matches("<svg").count() == 10, "{}", page.matches("<svg").count());
+    assert!(page.matches("<svg").count() == 12, "{}", page.matches("<svg").count());
     let refused = mammotwin(&["study", "sensitivity", study, "--skin", "4,-1"]);
     assert_eq!(refused.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&refused.stderr).contains("--skin"));

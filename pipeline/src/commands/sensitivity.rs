@@ -5,7 +5,7 @@ use crate::{
     cli::SensitivityArguments,
     display::Display,
     plausible::findings,
-    sensitivity::{ErrorMap, errors, page, sweeps, thesis_sweeps, vary},
+    sensitivity::{ErrorMap, errors, page, profiles, sweeps, thesis_sweeps, vary},
 };
 use mammotwin_data::{
     Failure,
@@ -41,6 +41,7 @@ pub fn sensitivity(arguments: &SensitivityArguments) -> Result<(), Failure> {
     }
     write(&folder.join("sweeps.csv"), sweeps(&swept))?;
     write(&folder.join("errors.csv"), errors(&map, &found))?;
+    write(&folder.join("profiles.csv"), profiles::csv(&profiles::profiles(&map, &found)))?;
     write(&folder.join("sensitivity.html"), html)?;
     let points = found.iter().map(|row| row.0.len()).sum::<usize>();
     let failed = found.iter().flat_map(|row| &row.0).filter(|p| p.failed.is_some()).count();

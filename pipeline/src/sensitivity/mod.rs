@@ -1,6 +1,7 @@
 //! How much depends on the tissues: gravity over each parameter, and the error of the model over all moduli.
 
 mod page;
+pub mod profiles;
 
 pub use page::{errors, page, sweeps, thesis_sweeps};
 

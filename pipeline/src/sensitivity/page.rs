@@ -1,6 +1,9 @@
 //! Tables, figures and one page of a sensitivity study.
 
-use super::ErrorMap;
+use super::{
+    ErrorMap,
+    profiles::{self, profiles},
+};
 use crate::page::begin;
 use mammotwin_data::study::Study;
 use mammotwin_stages::{
@@ -118,6 +121,13 @@ pub fn page(
             let svg = heat(&picture);
             let _ = writeln!(html, "<figure>{svg}<figcaption>{caption}</figcaption></figure>");
             figures.push((format!("{name}.svg"), svg));
+        }
+        let profiles = profiles(map, rows);
+        let _ =
+            writeln!(html, "<h2>What the poses tell</h2>\n<p>{}</p>", profiles::said(&profiles));
+        for (name, svg) in profiles::figures(&profiles) {
+            let _ = writeln!(html, "<figure class=\"half\">{svg}</figure>");
+            figures.push((name, svg));
         }
     }
     let _ = writeln!(html, "<p>{THESIS}</p></body></html>");
