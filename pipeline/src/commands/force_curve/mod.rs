@@ -40,6 +40,9 @@ const FARTHER_MM: f64 = 1.0;
 /// The model stops at so many times the largest force of the record, and not below (N).
 const MOST_FORCE: f64 = 4.0;
 const LEAST_FORCE_N: f64 = 50.0;
+/// What these are rounded to.
+const ROUND_MM: f64 = 2.0;
+const ROUND_N: f64 = 50.0;
 /// Edges of other meshes, over the study's.
 const OTHER_MESHES: [f64; 4] = [0.85, 0.92, 1.1, 1.2];
 /// Times that a whole solution is made at the fitted amplitude.
@@ -125,11 +128,13 @@ fn analyse(
     Ok(())
 }
 
-/// The compression of a study, to the smallest thickness of a record.
+/// The compression of a study, to the smallest thickness of a record, in round numbers: like records share its results.
 fn pressing(plan: &CompressPlan, record: &Record) -> CompressPlan {
+    let thinnest_mm = record.thinnest_mm() - FARTHER_MM;
+    let most_n = MOST_FORCE * record.largest_force_n();
     let stop = StopPlan {
-        thickness_mm: Some((record.thinnest_mm() - FARTHER_MM).max(5.0)),
-        force_n: Some((MOST_FORCE * record.largest_force_n()).clamp(LEAST_FORCE_N, 500.0)),
+        thickness_mm: Some((ROUND_MM * (thinnest_mm / ROUND_MM).floor()).max(ROUND_MM)),
+        force_n: Some((ROUND_N * (most_n / ROUND_N).ceil()).clamp(LEAST_FORCE_N, 500.0)),
         mean_pressure_kpa: None,
         peak_pressure_kpa: None,
     };
