@@ -89,9 +89,9 @@ if truth.exists():
 # %% [markdown]
 # ## How sure are they?
 #
-# The search looks for moduli at which the skin sags neither too far nor too little: where the weighted mean distance of
-# each breast is zero. What an error of that distance makes of a modulus follows from the slope there, to first order.
-# The error is assumed, not measured on this person: 0.3 mm, about what registration leaves on digital volunteers.
+# The search makes the squared distances of the skin least, with the rigid motion of each pose left open. Its own answer to
+# "how sure" is in results.h5 as `calibration/draws_kpa`, and in the report as 90 % intervals. Below is a simpler estimate: how
+# a modulus changes when the mean distance of its breast along gravity is off by an assumed 0.3 mm.
 
 # %%
 error_mm = 0.3

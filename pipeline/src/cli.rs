@@ -86,7 +86,7 @@ pub enum Command {
     /// What a file holds: NIfTI image or labels, landmarks, results
     #[command(after_help = "Example:\n  mammotwin inspect prone.nii.gz --json")]
     Inspect(InspectArguments),
-    /// Studies of the models themselves
+    /// Compare paddles, positions and designs on your breast; test the models themselves
     #[command(subcommand, after_help = "Example:\n  mammotwin study dose --out runs/dose")]
     Study(StudyCommand),
     /// A BIDS App: all participants of a BIDS folder, then the table of the group
@@ -103,8 +103,9 @@ pub enum Command {
 }
 
 const CHECK_HELP: &str = "\
-Looked at: every file is there and readable, landmarks lie inside of the image and on their side
-(a mirrored header), labels lie on the grid of the image, gravity agrees with the landmarks.
+Looked at: every file is there and readable, landmarks lie inside of the image and right and left are
+not exchanged (a mirrored header), labels lie on the grid of the image, a paddle from CAD can be read.
+Not looked at: the posture and the direction of gravity that the study states.
 Exits with 65 when something is wrong.
 
 Examples:

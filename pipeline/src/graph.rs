@@ -51,8 +51,8 @@ const NOT_FITTED: &str = "No modulus was fitted: they are those that the study g
 /// Said where nothing tests the model.
 const NOT_VALIDATED: &str = "No pose was held out: nothing here shows the error of the model.";
 /// Said of every compression; the measure is in `docs/credibility.md`.
-const FORCES: &str = "Forces and pressures come out far below measured ones, by about ten times on the volunteers \
-    that were compared: compare compressions with each other, and quote no absolute value.";
+const FORCES: &str = "Forces and pressures come out far below measured ones, by ten to a hundred times on the \
+    volunteers that were compared: compare compressions with each other, and quote no absolute value.";
 
 /// Handles on what a run made.
 #[derive(Debug)]

@@ -77,7 +77,7 @@ pub struct CalibrationArguments {
         long,
         value_name = "N",
         value_delimiter = ',',
-        default_values_t = [11, 12, 13, 14, 15, 16, 17, 18, 19, 20]
+        default_value = "11,12,13,14,15,16,17,18,19,20"
     )]
     pub seeds: Vec<u64>,
     /// Edge of the voxels (mm), one number or three [default: the preset's]
@@ -245,7 +245,7 @@ pub struct SegmentationArguments {
         long,
         value_name = "N",
         value_delimiter = ',',
-        default_values_t = [11, 12, 13, 14, 15, 16, 17, 18, 19, 20]
+        default_value = "11,12,13,14,15,16,17,18,19,20"
     )]
     pub seeds: Vec<u64>,
     /// Edge of the voxels (mm), one number or three [default: the preset's]
