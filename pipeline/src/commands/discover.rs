@@ -36,16 +36,22 @@ pub fn discover(arguments: &DiscoverArguments) -> Result<(), Failure> {
     let pass = store::execute(&drive, |run| graph::discover(study, &held_out, &library, run))?;
     drop(display);
     let found = pass.outcome.discovery.load()?;
+    let page = opened.store.out.join("discovery.html");
+    let show = |added: Option<&Added>| {
+        let methods = [Gather::METHODS, Discover::METHODS];
+        let shown = added.map(|added| &added.with_and_without);
+        let subject = &opened.study.subject.id;
+        write(&page, discovery::render(subject, &held_out, &found, shown, &methods)?)
+    };
+    // What was found is kept whatever becomes of the study with the effect.
+    show(None)?;
     let added = match addition(&found.verdict) {
         Some((effect, amplitude)) => Some(add(arguments, &opened, &effect, amplitude)?),
         None => None,
     };
-    let methods = [Gather::METHODS, Discover::METHODS];
-    let subject = &opened.study.subject.id;
-    let shown = added.as_ref().map(|added| &added.with_and_without);
-    let text = discovery::render(subject, &held_out, &found, shown, &methods)?;
-    let page = opened.store.out.join("discovery.html");
-    write(&page, text)?;
+    if added.is_some() {
+        show(added.as_ref())?;
+    }
     answer(arguments, &held_out, &found, added.as_ref())?;
     if !arguments.json {
         tell!("\n{}", page.display());
@@ -65,6 +71,12 @@ struct Added {
 fn held_out(opened: &Opened, wish: Option<&str>) -> Result<String, Failure> {
     let study = &opened.study;
     let others = || study.poses.iter().filter(|(name, _)| *name != study.reference_pose());
+    if others().count() < 2 {
+        return Err(Failure::BadInput(
+            "discover: needs two poses besides the reference pose, one to search and one to decide"
+                .into(),
+        ));
+    }
     if let Some(name) = wish {
         let known: Vec<&str> = others().map(|(name, _)| name.as_str()).collect();
         if !known.contains(&name) {
@@ -87,7 +99,7 @@ fn held_out(opened: &Opened, wish: Option<&str>) -> Result<String, Failure> {
 
 /// The effect that is added: the named one, or the best of an ambiguous set.
 fn addition(verdict: &Verdict) -> Option<(String, f64)> {
-    let best = verdict.candidates.first()?;
+    let best = verdict.chosen()?;
     let add = matches!(verdict.verdict, VerdictName::Named | VerdictName::Ambiguous);
     add.then(|| (best.effect.clone(), best.amplitude[0]))
 }
@@ -101,12 +113,9 @@ fn add(
 ) -> Result<Added, Failure> {
     let path = &arguments.study.study;
     let text = fs::read_to_string(path).map_err(|cause| Failure::io(path, cause))?;
-    let text = format!(
-        "{text}\n# Found by `mammotwin discover`.\n[model.effects]\n{effect} = {amplitude:?}\n"
-    );
-    mammotwin_data::study::parse(&text).map_err(|error| {
+    let text = with_effect(&text, effect, amplitude).map_err(|error| {
         Failure::BadInput(format!(
-            "{}: cannot take the effect {effect} = {amplitude}: {error}; has it effects already?",
+            "{}: cannot take the effect {effect} = {amplitude}: {error}",
             path.display()
         ))
     })?;
@@ -128,6 +137,25 @@ fn add(
     };
     let with_and_without = discovery::Added { modified_hausdorff_mm, force };
     Ok(Added { study, effect: effect.into(), amplitude, with_and_without })
+}
+
+/// A study with an effect besides those that it has. Comments of a study that has effects already are lost.
+fn with_effect(study: &str, effect: &str, amplitude: f64) -> Result<String, String> {
+    let said = "# Found by `mammotwin discover`.";
+    let mut table: toml::Table = study.parse().map_err(|cause| format!("{cause}"))?;
+    let model = table.get_mut("model").and_then(toml::Value::as_table_mut);
+    let known = model.and_then(|model| model.get_mut("effects")?.as_table_mut());
+    let text = match known {
+        None => format!("{study}\n{said}\n[model.effects]\n{effect} = {amplitude:?}\n"),
+        Some(effects) => {
+            let before = effects.get(effect).and_then(toml::Value::as_float).unwrap_or(0.0);
+            effects.insert(effect.into(), (before + amplitude).into());
+            let text = toml::to_string_pretty(&table).map_err(|cause| format!("{cause}"))?;
+            format!("{said}\n{text}")
+        }
+    };
+    mammotwin_data::study::parse(&text).map_err(|cause| cause.to_string())?;
+    Ok(text)
 }
 
 /// Modified Hausdorff distance (mm) of every pose after the fit.
@@ -176,7 +204,7 @@ fn answer(
 ) -> Result<(), Failure> {
     let verdict = &found.verdict;
     if arguments.json {
-        let best = verdict.candidates.first();
+        let best = verdict.chosen();
         tell!(
             "{:#}",
             json!({

@@ -46,7 +46,7 @@ class Candidate:
     held_out_before_mm: float
     held_out_after_mm: float
     held_out_floor_mm: float
-    #: What the held-out pose gains (standard errors).
+    #: How much of the change that the effect foretells is in the held-out pose (standard errors; without it 0 ± 1).
     held_out_z: float
 
 

@@ -257,6 +257,11 @@ impl Whitener {
         Cholesky::new(covariance.clone()).map(Self)
     }
 
+    /// The inverse of the covariance times columns.
+    pub fn solve(&self, columns: &DMatrix<f64>) -> DMatrix<f64> {
+        self.0.solve(columns)
+    }
+
     /// Whitened residuals.
     pub fn whiten(&self, residual: &DVector<f64>) -> DVector<f64> {
         let mut whitened = residual.clone();

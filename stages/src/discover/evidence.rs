@@ -252,13 +252,14 @@ impl Stage for Gather {
         let reference = shape(&mesh.mesh.points);
         let here = residual(&base, &weighed);
         progress.report(0.1, "the same model on other meshes");
+        // One that cannot be made tells nothing, as one on which the model fails.
         let bodies: Vec<BreastMesh> = MESHINGS
             .into_par_iter()
-            .map(|(part, placement)| {
+            .filter_map(|(part, placement)| {
                 let meshing = Mesh(MeshPlan { size_mm: part * self.mesh.size_mm, ..self.mesh });
-                meshing.lying(labels, placement, &Silent)
+                meshing.lying(labels, placement, &Silent).ok()
             })
-            .collect::<Result<_, Failure>>()?;
+            .collect();
         let standing = |body| {
             let experiment = Experiment::new(body, &self.model, &self.calibrate, &measured)?;
             Standing::new(body, experiment, moduli, &reference)

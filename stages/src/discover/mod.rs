@@ -9,9 +9,11 @@ mod budget;
 mod clusters;
 mod course;
 mod evidence;
+mod held_out;
 mod observe;
 mod reference;
 mod refit;
+mod rest;
 mod screen;
 mod signature;
 pub mod trial;
@@ -22,11 +24,14 @@ pub use budget::{Budget, Nodes, RigidError};
 pub use clusters::Cluster;
 pub use course::{Bent, Course};
 pub use evidence::{Evidence, Gather};
+pub(crate) use held_out::HELD_OUT;
+pub use held_out::HeldOut;
+pub(crate) use rest::RARE;
 pub(crate) use screen::by_chance;
 pub use screen::{Score, Screening};
 pub use signature::Signature;
-pub(crate) use verdict::{ALIKE, FITTED, HELD_OUT, RARE};
-pub use verdict::{Candidate, HeldOut, Judge, Verdict, VerdictName};
+pub(crate) use verdict::{ALIKE, FITTED};
+pub use verdict::{Candidate, Judge, Verdict, VerdictName};
 
 use crate::calibrate::{Experiment, Fit};
 use mammotwin_data::{
@@ -142,7 +147,7 @@ type Input = (Evidence, evidence::Input);
 
 impl Stage for Discover {
     const NAME: &'static str = "discover";
-    const VERSION: u32 = 9;
+    const VERSION: u32 = 10;
     const METHODS: &'static str = "Residuals were weighed with the covariance of the errors of segmentation, registration, \
          chest wall and mesh. A score test asked for each effect of the library whether what the \
          moduli do not absorb of its signature is in the residuals; the threshold is the 99 % quantile \
@@ -183,7 +188,7 @@ impl Stage for Discover {
         let with: Vec<(usize, Fitted)> = likely.into_iter().map(|(k, _)| k).zip(fitted).collect();
         let verdict = judge.judge(&screening, &without, &with);
 
-        let best = verdict.candidates.first();
+        let best = verdict.chosen();
         let place = best.and_then(|best| {
             with.iter().position(|(k, _)| evidence.signatures[*k].effect.name == best.effect)
         });

@@ -3,14 +3,16 @@
 use super::{
     budget::Whitener,
     evidence::Evidence,
-    observe::{leftover, part, rows},
+    held_out::{HeldOut, Weights},
+    observe::{leftover, part},
     refit::{Fitted, linear},
+    rest::Rest,
     screen::Screening,
     signature::{Projector, Signature},
 };
 use crate::effects::Effect;
 use mammotwin_data::Failure;
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 /// Kinds of answers.
@@ -48,19 +50,6 @@ pub struct Candidate {
     pub left: [f64; 2],
 }
 
-/// A pose that the search did not see.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct HeldOut {
-    /// Root mean square distance (mm) without rigid motion: moduli alone fitted.
-    pub before_mm: f64,
-    /// The same with the effect.
-    pub after_mm: f64,
-    /// What the errors alone leave.
-    pub floor_mm: f64,
-    /// Fall of the misfit in standard errors.
-    pub z: f64,
-}
-
 /// The answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
@@ -80,15 +69,20 @@ pub struct Verdict {
     pub candidates: Vec<Candidate>,
 }
 
-/// Smooth shapes in which something left over is looked for, per pose, and their length (mm).
-const SMOOTH_SHAPES: usize = 12;
-const SMOOTH_LENGTH_MM: f64 = 35.0;
-/// Quantile 99.9 % of the normal distribution.
-pub(crate) const RARE: f64 = 3.09;
+impl Verdict {
+    /// The effect that is added where one is named, or several are; else the one that explains most.
+    pub fn chosen(&self) -> Option<&Candidate> {
+        let first = self
+            .set
+            .first()
+            .filter(|_| matches!(self.verdict, VerdictName::Named | VerdictName::Ambiguous));
+        let named = first.and_then(|name| self.candidates.iter().find(|c| c.effect == *name));
+        named.or(self.candidates.first())
+    }
+}
+
 /// Effects whose misfit is this near to the best are not told apart.
 pub(crate) const ALIKE: f64 = 4.0;
-/// The held-out pose must gain so many standard errors; if it loses as many, the effect is refuted.
-pub(crate) const HELD_OUT: f64 = 2.0;
 /// A pose that lies farther off (mm) than this was registered wrongly.
 const MISPLACED_MM: f64 = 4.0;
 /// Share of effects without a signature that spoils a verdict.
@@ -106,9 +100,8 @@ pub struct Judge<'a> {
     covariance: DMatrix<f64>,
     /// Of the seen poses.
     pub(super) whitener: Whitener,
-    held_out_whitener: Whitener,
-    /// Smooth shapes of the seen residuals, as columns, and the factor of their covariance.
-    smooth: (DMatrix<f64>, Cholesky<f64, Dyn>),
+    weights: Weights,
+    rest: Rest,
 }
 
 impl<'a> Judge<'a> {
@@ -125,8 +118,8 @@ impl<'a> Judge<'a> {
                  reference pose"
             )));
         };
-        let shapes = smooth(evidence, &seen);
-        Self::on(evidence, seen, place, shapes)
+        let rest = Rest::new(evidence, &seen);
+        Self::on(evidence, seen, place, rest)
     }
 
     /// A judge of other evidence on the same nodes, e.g. with other errors.
@@ -134,32 +127,24 @@ impl<'a> Judge<'a> {
     /// # Errors
     /// [`Failure::Numerics`] when its errors have no covariance.
     pub fn again<'b>(&self, evidence: &'b Evidence) -> Result<Judge<'b>, Failure> {
-        Judge::on(evidence, self.seen.clone(), self.held_out, self.smooth.0.clone())
+        Judge::on(evidence, self.seen.clone(), self.held_out, self.rest.clone())
     }
 
     fn on(
         evidence: &'a Evidence,
         seen: Vec<usize>,
         held_out: usize,
-        smooth: DMatrix<f64>,
+        rest: Rest,
     ) -> Result<Self, Failure> {
         let Evidence { budget, meshings, .. } = evidence;
         let covariance = budget.covariance(&evidence.places(), meshings);
         let nodes = evidence.nodes();
         let none = || Failure::Numerics("discover: errors without a covariance".into());
-        let whiten = |poses: &[usize]| Whitener::new(&covariance, poses, nodes).ok_or_else(none);
-        let rows = rows(&seen, nodes);
-        let own = covariance.select_rows(&rows).select_columns(&rows);
-        let factor = (smooth.transpose() * own * &smooth).cholesky().ok_or_else(none)?;
-        Ok(Self {
-            whitener: whiten(&seen)?,
-            held_out_whitener: whiten(&[held_out])?,
-            smooth: (smooth, factor),
-            evidence,
-            seen,
-            held_out,
-            covariance,
-        })
+        let whitener = Whitener::new(&covariance, &seen, nodes).ok_or_else(none)?;
+        let poses = (&seen[..], held_out, nodes);
+        let weights =
+            Weights::new(&covariance, &whitener, evidence.slopes(), poses).ok_or_else(none)?;
+        Ok(Self { whitener, weights, rest, evidence, seen, held_out, covariance })
     }
 
     /// Asks of each effect whether residuals (mm, all poses) have it.
@@ -228,10 +213,8 @@ impl<'a> Judge<'a> {
         without: &Fitted,
         with: &[(usize, Fitted)],
     ) -> Verdict {
-        let mut candidates: Vec<Candidate> = with
-            .iter()
-            .map(|(k, found)| self.candidate(self.evidence.signatures[*k].effect, found, without))
-            .collect();
+        let mut candidates: Vec<Candidate> =
+            with.iter().map(|(k, found)| self.candidate(*k, found, without)).collect();
         candidates.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let not_testable = screening.scores.iter().filter(|s| !s.testable);
         let mut verdict = Verdict {
@@ -257,7 +240,12 @@ impl<'a> Judge<'a> {
     ) -> [f64; 3] {
         let (shape, nodes) = (&self.evidence.shapes[pose], self.evidence.nodes());
         let [before, after] = [before, after].map(|all| part(all, &[pose], nodes));
-        let errors = leftover(&self.covariance_of(pose), &self.fitted(pose));
+        // The moduli were not fitted to the held-out pose.
+        let errors = if pose == self.held_out {
+            leftover(&self.weights.errors, &shape.rigid_modes())
+        } else {
+            leftover(&self.covariance_of(pose), &self.fitted(pose))
+        };
         let floor_mm = (errors.trace() / nodes.max(1) as f64).max(0.0).sqrt();
         [shape.without_rigid_mm(&before), shape.without_rigid_mm(&after), floor_mm]
     }
@@ -296,28 +284,33 @@ impl<'a> Judge<'a> {
                 return;
             }
         }
+        let left = self.left(before, None);
+        let rest = |[left, limit]: [f64; 2]| {
+            (left > limit).then(|| {
+                format!("smooth residuals of {left:.0} remain where errors leave {limit:.0}")
+            })
+        };
+        let unexplained = |reason: String| match rest(left) {
+            Some(rest) => (VerdictName::Unknown, format!("{rest}, and {reason}")),
+            None => (VerdictName::NoDiscrepancy, reason),
+        };
         let found = scores.iter().any(|score| score.testable && score.z > *limit);
-        let left = self.left(before);
         let Some(best) = verdict.candidates.first().filter(|_| found) else {
-            if left[0] > left[1] {
-                verdict.verdict = VerdictName::Unknown;
-                verdict.reason = format!(
-                    "smooth residuals of {:.0} where errors leave {:.0}, and no effect explains them",
-                    left[0], left[1]
-                );
-            } else {
-                let largest = scores.iter().map(|score| score.z).fold(0.0, f64::max);
-                verdict.reason =
-                    format!("largest score {largest:.1}, below {limit:.1}: errors explain it");
+            let largest = scores.iter().map(|score| score.z).fold(0.0, f64::max);
+            let reason = format!("the largest score is {largest:.1}, below {limit:.1}: by chance");
+            (verdict.verdict, verdict.reason) = unexplained(reason);
+            let blind = scores.iter().all(|score| !score.testable);
+            if blind && verdict.verdict == VerdictName::NoDiscrepancy {
+                verdict.verdict = VerdictName::InsufficientData;
+                verdict.reason = "these data could show none of the effects".into();
             }
             return;
         };
-        let alike: Vec<String> = verdict
-            .candidates
-            .iter()
-            .filter(|c| best.gain - c.gain < ALIKE && c.held_out.z > 0.0)
-            .map(|c| c.effect.clone())
-            .collect();
+        let near = verdict.candidates.iter().filter(|c| best.gain - c.gain < ALIKE);
+        let (better, worse): (Vec<&Candidate>, Vec<&Candidate>) =
+            near.partition(|c| c.held_out.fall > 0.0);
+        let confirmed = better.iter().any(|c| c.held_out.confirms());
+        let names = |of: &[&Candidate]| of.iter().map(|c| c.effect.clone()).collect::<Vec<_>>();
         let weights: Vec<f64> = verdict
             .candidates
             .iter()
@@ -327,97 +320,60 @@ impl<'a> Judge<'a> {
             .collect();
         verdict.weight = weights[0] / weights.iter().sum::<f64>();
         let z = best.held_out.z;
+        let mut set = names(&better);
         (verdict.verdict, verdict.reason) = if best.gain < limit * limit {
-            let reason = format!(
+            set.clear();
+            unexplained(format!(
                 "fitted together with the moduli, {} explains no more than chance",
                 best.effect
-            );
-            (VerdictName::NoDiscrepancy, reason)
-        } else if best.left[0] > best.left[1] {
-            let reason = format!(
-                "{} explains most of the library, but smooth residuals of {:.0} remain where errors \
-                 leave {:.0}",
-                best.effect, best.left[0], best.left[1]
-            );
+            ))
+        } else if let Some(rest) = rest(best.left) {
+            (
+                VerdictName::Unknown,
+                format!("{} explains most of the library, but {rest}", best.effect),
+            )
+        } else if best.held_out.refutes() {
+            let loss = -best.held_out.fall / best.held_out.fall_error;
+            let reason = format!("{} makes the held-out pose worse by {loss:.1} s.e.", best.effect);
             (VerdictName::Unknown, reason)
-        } else if z < -HELD_OUT {
-            let reason = format!("{} makes the held-out pose worse ({z:.1} s.e.)", best.effect);
-            (VerdictName::Unknown, reason)
-        } else if alike.len() > 1 {
-            (VerdictName::Ambiguous, format!("{} explain the data alike", alike.join(" and ")))
-        } else if z < HELD_OUT {
+        } else if better.len() > 1 && confirmed {
+            (VerdictName::Ambiguous, format!("{} explain the data alike", set.join(" and ")))
+        } else if best.held_out.confirms() {
+            let reason = format!("{z:.1} s.e. of what it foretells are in the held-out pose");
+            (VerdictName::Named, reason)
+        } else {
+            set.extend(names(&worse));
             let reason = format!(
-                "{} explains the seen poses; the held-out pose gains only {z:.1} s.e.",
+                "{} explains the seen poses; of what it foretells {z:.1} s.e. are in the held-out pose",
                 best.effect
             );
             (VerdictName::InsufficientData, reason)
-        } else {
-            let reason = format!("held-out pose better by {z:.1} s.e.");
-            (VerdictName::Named, reason)
         };
         if matches!(verdict.verdict, VerdictName::Named | VerdictName::InsufficientData) {
             verdict.effect = Some(best.effect.clone());
         }
-        if verdict.verdict != VerdictName::NoDiscrepancy {
-            verdict.set = alike;
-        }
+        verdict.set = set;
     }
 
-    fn candidate(&self, effect: &Effect, found: &Fitted, without: &Fitted) -> Candidate {
-        let whiten = |all: &DVector<f64>| {
-            self.held_out_whitener.whiten(&part(all, &[self.held_out], self.evidence.nodes()))
-        };
-        let (old, new) = (whiten(&without.residual), whiten(&found.residual));
-        // With independent errors of variance 1 the difference of the squares has this error.
-        let error = 2.0 * (&old - &new).norm();
-        let [before_mm, after_mm, floor_mm] =
-            self.rms_mm(self.held_out, &without.residual, &found.residual);
+    fn candidate(&self, place: usize, found: &Fitted, without: &Fitted) -> Candidate {
+        let signature = &self.evidence.signatures[place];
+        let rms_mm = self.rms_mm(self.held_out, &without.residual, &found.residual);
         Candidate {
-            effect: effect.name.into(),
+            effect: signature.effect.name.into(),
             amplitude: [found.amplitude, found.amplitude_sd],
             gain: without.misfit - found.misfit,
             moduli_kpa: [found.moduli.right_kpa, found.moduli.left_kpa],
-            held_out: HeldOut {
-                before_mm,
-                after_mm,
-                floor_mm,
-                z: (old.norm_squared() - new.norm_squared()) / error.max(f64::MIN_POSITIVE),
-            },
-            left: self.left(&found.residual),
+            held_out: self.weights.judge(&without.residual, &found.residual, rms_mm),
+            left: self.left(&found.residual, Some(&signature.rate(found.amplitude))),
         }
     }
 
-    /// Square of what the seen residuals have in smooth shapes, in standard deviations, and the
-    /// value that errors alone exceed once in a thousand times.
-    fn left(&self, residual: &DVector<f64>) -> [f64; 2] {
-        let (shapes, factor) = &self.smooth;
-        let parts = shapes.transpose() * part(residual, &self.seen, self.evidence.nodes());
-        // Quantile of chi-square (Wilson & Hilferty 1931).
-        let k = shapes.ncols() as f64;
-        let limit = k * (1.0 - 2.0 / (9.0 * k) + RARE * (2.0 / (9.0 * k)).sqrt()).powi(3);
-        [parts.dot(&factor.solve(&parts)), limit]
+    /// Square of what residuals (mm, all poses) have in smooth shapes beyond the moduli, and an effect with this
+    /// derivative (mm), in standard deviations; and the value that errors exceed once in a thousand times.
+    fn left(&self, residual: &DVector<f64>, effect: Option<&DVector<f64>>) -> [f64; 2] {
+        let fitted = self.evidence.slopes().into_iter().chain(effect);
+        let fitted: Vec<DVector<f64>> = fitted.map(|column| self.seen(column)).collect();
+        let systematic = self.evidence.budget.systematic();
+        self.rest.of(&self.whitener, &fitted, &self.seen(residual), systematic)
     }
-}
-
-/// The smoothest shapes that the residuals of the seen poses may have, pose by pose, as columns.
-fn smooth(evidence: &Evidence, seen: &[usize]) -> DMatrix<f64> {
-    let nodes = evidence.nodes();
-    let mut columns: Vec<DVector<f64>> = Vec::new();
-    for (block, &p) in seen.iter().enumerate() {
-        let pose = &evidence.shapes[p];
-        let kernel = DMatrix::from_fn(nodes, nodes, |i, j| {
-            let far = (pose.points[i] - pose.points[j]).norm_squared();
-            let facing = pose.normals[i].dot(&pose.normals[j]);
-            (-0.5 * far / SMOOTH_LENGTH_MM.powi(2)).exp() * facing
-        });
-        let eigen = kernel.symmetric_eigen();
-        let mut order: Vec<usize> = (0..nodes).collect();
-        order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
-        for &k in order.iter().take(SMOOTH_SHAPES) {
-            let mut column = DVector::zeros(nodes * seen.len());
-            column.rows_mut(block * nodes, nodes).copy_from(&eigen.eigenvectors.column(k));
-            columns.push(column);
-        }
-    }
-    DMatrix::from_columns(&columns)
 }

@@ -37,7 +37,7 @@ pub fn render(
     methods: &[&str],
 ) -> Result<String, Failure> {
     let Discovery { verdict, screening, budget, clusters, gaps } = found;
-    let best = verdict.candidates.first();
+    let best = verdict.chosen();
     let shown = best.filter(|_| verdict.effect.is_some() || !verdict.set.is_empty());
     let effect = shown.and_then(|best| Effect::named(&best.effect));
     let mut facts = Vec::new();
@@ -47,7 +47,10 @@ pub fn render(
         let [before, after] = [best.held_out.before_mm, best.held_out.after_mm];
         let gap = format!("{before:.2} → {after:.2} mm");
         facts.push(Fact::new(&format!("{held_out}, never seen by the search (rms)"), gap));
-        facts.push(Fact::new("Its gain", format!("{:.1} standard errors", best.held_out.z)));
+        facts.push(Fact::new(
+            "Foretold change there",
+            format!("{:.1} standard errors", best.held_out.z),
+        ));
         facts.push(Fact::new("Weight among what was fitted", format!("{:.2}", verdict.weight)));
         about.push(Fact::new("Where it acts", effect.place));
         about.push(Fact::new("How it shows", effect.signature));

@@ -181,6 +181,16 @@ fn drawn(evidence: &Evidence, null: &Evidence, seed: u64) -> Result<Evidence, Fa
     Ok(evidence.with_errors(&errors.draw(&mut ChaCha8Rng::seed_from_u64(seed))))
 }
 
+/// The seed of the draws of a person, a tier and what is hidden: no two cases have the same errors.
+fn seed_of(seed: u64, tier: Tier, hidden: Option<(&Effect, f64)>) -> u64 {
+    let words = hidden.map_or(String::new(), |(effect, sigma)| format!("{} {sigma}", effect.name));
+    let bytes = format!("{seed} {tier:?} {words}");
+    // Fowler, Noll and Vo's hash.
+    bytes.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
 /// Verdicts on evidence with drawn errors. Each draw has its own seed.
 fn tried(
     evidence: &Evidence,
@@ -192,7 +202,7 @@ fn tried(
     (0..draws)
         .into_par_iter()
         .map(|draw| {
-            let mut random = ChaCha8Rng::seed_from_u64(seed << 20 ^ draw as u64);
+            let mut random = ChaCha8Rng::seed_from_u64(seed.wrapping_add(draw as u64));
             let noisy = evidence.with_errors(&errors(draw, &mut random));
             Ok(judge.again(&noisy)?.linear(&noisy.residual).1)
         })
@@ -201,7 +211,7 @@ fn tried(
 
 fn nulls(null: &Evidence, seed: u64, draws: usize) -> Result<Vec<Trial>, Failure> {
     let errors = Errors::new(null, &null.budget, RIGID)?;
-    let verdicts = tried(null, 2 * draws, seed, |draw, random| {
+    let verdicts = tried(null, 2 * draws, seed_of(seed, Tier::Null, None), |draw, random| {
         NULL_NOISE[draw % NULL_NOISE.len()] * errors.draw(random)
     })?;
     Ok(verdicts.iter().map(|v| Trial::new(Tier::Null, seed, None, 0.0, v)).collect())
@@ -213,7 +223,8 @@ fn decoys(null: &Evidence, seed: u64, draws: usize) -> Result<Vec<Trial>, Failur
     let rigid = RigidError { shift_mm: 3.0 * RIGID.shift_mm, turn: 3.0 * RIGID.turn };
     let plain = Errors::new(null, &null.budget, RIGID)?;
     let moved = Errors::new(null, &null.budget, rigid)?;
-    let verdicts = tried(null, draws, !seed & 0xffff, |draw, random| match draw % 3 {
+    let own = seed_of(seed, Tier::Decoy, None);
+    let verdicts = tried(null, draws, own, |draw, random| match draw % 3 {
         0 => moved.draw(random),
         1 => plain.draw(random) + plain.biased(0.5 * null.budget.voxel_mm, random),
         _ => 1.5 * plain.draw(random),
@@ -231,12 +242,15 @@ fn singles(
 ) -> Result<Vec<Trial>, Failure> {
     let errors = Errors::new(evidence, &null.budget, RIGID)?;
     let truth = Some((effect.name, amplitude));
-    let found = tried(evidence, draws, seed, |_, random| errors.draw(random))?;
+    let hidden = Some((effect, sigma));
+    let own = seed_of(seed, Tier::Single, hidden);
+    let found = tried(evidence, draws, own, |_, random| errors.draw(random))?;
     let mut trials: Vec<Trial> =
         found.iter().map(|v| Trial::new(Tier::Single, seed, truth, sigma, v)).collect();
     if sigma > SIGMAS[0] {
         let less = evidence.without_effect(effect.name);
-        let found = tried(&less, draws.div_ceil(2), seed, |_, random| errors.draw(random))?;
+        let own = seed_of(seed, Tier::Outside, hidden);
+        let found = tried(&less, draws.div_ceil(2), own, |_, random| errors.draw(random))?;
         trials.extend(found.iter().map(|v| Trial::new(Tier::Outside, seed, truth, sigma, v)));
     }
     Ok(trials)

@@ -57,7 +57,7 @@ impl Trial {
             let fitted = verdict.candidates.iter().find(|c| c.effect == name)?;
             Some(fitted.amplitude[0] / amplitude)
         });
-        let shrink = verdict.candidates.first().and_then(|best| {
+        let shrink = verdict.chosen().and_then(|best| {
             let gap = best.held_out.before_mm - best.held_out.floor_mm;
             (gap > 0.0).then(|| (best.held_out.before_mm - best.held_out.after_mm) / gap)
         });
