@@ -10,7 +10,7 @@
 use crate::assemble::{Assembly, EnergyError, State};
 use crate::linear::Ldlt;
 use crate::model::Model;
-use crate::terms::{Curvature, Load};
+use crate::terms::{At, Curvature, Load};
 use mammotwin_data::Vec3;
 
 /// When a minimum is found, and when the search is given up.
@@ -146,8 +146,8 @@ impl Newton {
         })
     }
 
-    /// Moves `state` to a minimum of the energy and returns the number of iterations. On failure
-    /// the state is the lowest one reached.
+    /// Moves `state` to a minimum of the energy and returns the number of iterations; `first` are
+    /// the second derivatives of the first one. On failure the state is the lowest one reached.
     ///
     /// # Errors
     /// How the search failed.
@@ -156,6 +156,18 @@ impl Newton {
         model: &Model,
         state: &mut State,
         options: &NewtonOptions,
+        first: Curvature,
+    ) -> Result<usize, NewtonError> {
+        // From within the pool its loops need not be handed over to another thread.
+        rayon::scope(|_| self.descend(model, state, options, first))
+    }
+
+    fn descend(
+        &mut self,
+        model: &Model,
+        state: &mut State,
+        options: &NewtonOptions,
+        first: Curvature,
     ) -> Result<usize, NewtonError> {
         let mut pressure = Vec::new();
         let mut energy = self
@@ -166,19 +178,24 @@ impl Newton {
         let scale = self.force_scale(model, state)?;
         let mut convexity = Convexity::default();
         for iteration in 0..options.max_iterations {
-            self.derivatives(model, state, Curvature::Exact)?;
+            let convex = convexity.share > 0.0 || iteration == 0 && first == Curvature::Convex;
+            let mut curvature = if convex { Curvature::Convex } else { Curvature::Exact };
+            self.derivatives(model, state, curvature)?;
             let (node, unbalanced) = self.unbalanced();
             if unbalanced <= options.residual * scale {
                 return Ok(iteration);
             }
             let mut ran_into = None;
-            let mut curvature = Curvature::Exact;
+            let mut shifted = false;
             let (lower, length) = loop {
                 let share = convexity.share;
                 if share > 0.0 && curvature == Curvature::Exact {
                     curvature = Curvature::Convex;
                     self.derivatives(model, state, curvature)?;
+                }
+                if share > 0.0 && !shifted {
                     self.assembly.shift(model, state, &mut self.shift);
+                    shifted = true;
                 }
                 if let Some(direction) = self.direction(share) {
                     let nearly = unbalanced <= NEARLY * options.residual * scale;
@@ -305,6 +322,29 @@ impl Newton {
         ROUNDING * (energy.abs() + exchanged)
     }
 
+    /// Nodes that have gone a `length` along a direction `from` where they were, those in contact
+    /// along their surfaces: on a straight line they would soon press into these or leave them.
+    fn along(
+        &self,
+        model: &Model,
+        state: &State,
+        from: &[Vec3],
+        direction: &[Vec3],
+        length: f64,
+    ) -> Vec<Vec3> {
+        let step: Vec<Vec3> = direction.iter().map(|d| length * d).collect();
+        let mut points: Vec<Vec3> = from.iter().zip(&step).map(|(p, d)| p + d).collect();
+        for (index, term) in model.terms().iter().enumerate() {
+            term.keep_to_surface(&At { points: from, ..state.at(index) }, &step, &mut points);
+        }
+        for (node, (point, from)) in points.iter_mut().zip(from).enumerate() {
+            for axis in (0..3).filter(|&axis| !self.assembly.is_free(node, axis)) {
+                point[axis] = from[axis];
+            }
+        }
+        points
+    }
+
     /// Moves the state down along a direction and returns the new energy and the length of the
     /// step, or what was in the way. A whole step is doubled as long as that goes down and it is
     /// not longer than `longest`: where the energy is not convex a single one may lead a
@@ -318,16 +358,13 @@ impl Newton {
         longest: f64,
     ) -> Result<(f64, f64), Option<EnergyError>> {
         let (slope, slack) = (self.slope(direction), self.rounding(energy, direction));
-        let along = |from: &[Vec3], length: f64| -> Vec<Vec3> {
-            from.iter().zip(direction).map(|(p, d)| p + length * d).collect()
-        };
         let from = state.points.clone();
         let mut cause = None;
         let first = f64::min(1.0, longest);
         let mut length = first;
         let mut pressure = Vec::new();
         let mut lowest = loop {
-            let points = along(&from, length);
+            let points = self.along(model, state, &from, direction, length);
             match self.assembly.energy(model, state, &points, &mut pressure) {
                 Ok(trial) if trial <= energy + ARMIJO * length * slope + slack => {
                     state.points = points;
@@ -343,7 +380,7 @@ impl Newton {
             }
         };
         while length >= first && 2.0 * length <= longest {
-            let points = along(&from, 2.0 * length);
+            let points = self.along(model, state, &from, direction, 2.0 * length);
             match self.assembly.energy(model, state, &points, &mut pressure) {
                 Ok(trial) if trial < lowest => {
                     (lowest, length) = (trial, 2.0 * length);
