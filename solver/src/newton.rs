@@ -82,14 +82,16 @@ struct Convexity {
 }
 
 impl Convexity {
-    /// After a direction that does not go down.
-    fn raise(&mut self) {
+    /// After a direction that does not go down; of a body with many directions in which it is not
+    /// convex (`excess`) the worst needs more.
+    fn raise(&mut self, excess: usize) {
+        let more = excess.max(1) as f64;
         if self.share == 0.0 {
-            self.share = f64::max(LEAST_SHARE, self.needed / GROWTH);
+            self.share = f64::max(more * LEAST_SHARE, self.needed / GROWTH);
             self.waited = (2 * self.waited).clamp(1, LONGEST_WAIT);
             self.wait = self.waited;
         } else {
-            self.share *= GROWTH;
+            self.share *= more * GROWTH;
         }
     }
 
@@ -126,6 +128,8 @@ pub struct Newton {
     values: Vec<f64>,
     shift: Vec<f64>,
     step: Vec<f64>,
+    /// Directions in which the last system was not convex.
+    excess: usize,
 }
 
 impl Newton {
@@ -143,6 +147,7 @@ impl Newton {
             values: Vec::new(),
             shift: Vec::new(),
             step: Vec::new(),
+            excess: 0,
         })
     }
 
@@ -211,7 +216,7 @@ impl Newton {
                         }
                     }
                 }
-                convexity.raise();
+                convexity.raise(self.excess);
                 if convexity.share > GREATEST_SHARE {
                     return Err(NewtonError::Stuck { node, ran_into });
                 }
@@ -297,10 +302,12 @@ impl Newton {
     /// The descent direction of the assembled system with a share of the convex stiffness; `None`
     /// when it has none.
     fn direction(&mut self, share: f64) -> Option<Vec<Vec3>> {
+        self.excess = 0;
         self.system.factor_sum(&self.values, share, &self.shift).ok()?;
         // More negative pivots than pressures: the energy is not convex here, and Newton's step
         // leads to a saddle.
         let (negative, pressures) = (self.system.negative_pivots(), self.assembly.pressures());
+        self.excess = negative.saturating_sub(pressures);
         if negative != pressures {
             tracing::trace!(share, negative, pressures, "not convex");
             return None;
