@@ -65,6 +65,7 @@ const LEAST_FORCE: f64 = 1000.0;
 const LEAST_SHARE: f64 = 1e-3;
 const GREATEST_SHARE: f64 = 1e5;
 const GROWTH: f64 = 4.0;
+const MOST_AT_ONCE: usize = 16;
 const FADING: f64 = 2.0;
 const FAST_FADING: f64 = 16.0;
 /// Most iterations with the least share before none is tried again.
@@ -85,7 +86,7 @@ impl Convexity {
     /// After a direction that does not go down; of a body with many directions in which it is not
     /// convex (`excess`) the worst needs more.
     fn raise(&mut self, excess: usize) {
-        let more = excess.max(1) as f64;
+        let more = excess.clamp(1, MOST_AT_ONCE) as f64;
         if self.share == 0.0 {
             self.share = f64::max(more * LEAST_SHARE, self.needed / GROWTH);
             self.waited = (2 * self.waited).clamp(1, LONGEST_WAIT);
