@@ -10,7 +10,7 @@
 use crate::assemble::{Assembly, EnergyError, State};
 use crate::linear::Ldlt;
 use crate::model::Model;
-use crate::terms::{Curvature, Load};
+use crate::terms::{At, Curvature, Load};
 use mammotwin_data::Vec3;
 
 /// When a minimum is found, and when the search is given up.
@@ -65,6 +65,7 @@ const LEAST_FORCE: f64 = 1000.0;
 const LEAST_SHARE: f64 = 1e-3;
 const GREATEST_SHARE: f64 = 1e5;
 const GROWTH: f64 = 4.0;
+const MOST_AT_ONCE: usize = 16;
 const FADING: f64 = 2.0;
 const FAST_FADING: f64 = 16.0;
 /// Most iterations with the least share before none is tried again.
@@ -82,14 +83,16 @@ struct Convexity {
 }
 
 impl Convexity {
-    /// After a direction that does not go down.
-    fn raise(&mut self) {
+    /// After a direction that does not go down; of a body with many directions in which it is not
+    /// convex (`excess`) the worst needs more.
+    fn raise(&mut self, excess: usize) {
+        let more = excess.clamp(1, MOST_AT_ONCE) as f64;
         if self.share == 0.0 {
-            self.share = f64::max(LEAST_SHARE, self.needed / GROWTH);
+            self.share = f64::max(more * LEAST_SHARE, self.needed / GROWTH);
             self.waited = (2 * self.waited).clamp(1, LONGEST_WAIT);
             self.wait = self.waited;
         } else {
-            self.share *= GROWTH;
+            self.share *= more * GROWTH;
         }
     }
 
@@ -126,6 +129,8 @@ pub struct Newton {
     values: Vec<f64>,
     shift: Vec<f64>,
     step: Vec<f64>,
+    /// Directions in which the last system was not convex.
+    excess: usize,
 }
 
 impl Newton {
@@ -143,11 +148,12 @@ impl Newton {
             values: Vec::new(),
             shift: Vec::new(),
             step: Vec::new(),
+            excess: 0,
         })
     }
 
-    /// Moves `state` to a minimum of the energy and returns the number of iterations. On failure
-    /// the state is the lowest one reached.
+    /// Moves `state` to a minimum of the energy and returns the number of iterations; `first` are
+    /// the second derivatives of the first one. On failure the state is the lowest one reached.
     ///
     /// # Errors
     /// How the search failed.
@@ -156,6 +162,18 @@ impl Newton {
         model: &Model,
         state: &mut State,
         options: &NewtonOptions,
+        first: Curvature,
+    ) -> Result<usize, NewtonError> {
+        // From within the pool its loops need not be handed over to another thread.
+        rayon::scope(|_| self.descend(model, state, options, first))
+    }
+
+    fn descend(
+        &mut self,
+        model: &Model,
+        state: &mut State,
+        options: &NewtonOptions,
+        first: Curvature,
     ) -> Result<usize, NewtonError> {
         let mut pressure = Vec::new();
         let mut energy = self
@@ -166,19 +184,24 @@ impl Newton {
         let scale = self.force_scale(model, state)?;
         let mut convexity = Convexity::default();
         for iteration in 0..options.max_iterations {
-            self.derivatives(model, state, Curvature::Exact)?;
+            let convex = convexity.share > 0.0 || iteration == 0 && first == Curvature::Convex;
+            let mut curvature = if convex { Curvature::Convex } else { Curvature::Exact };
+            self.derivatives(model, state, curvature)?;
             let (node, unbalanced) = self.unbalanced();
             if unbalanced <= options.residual * scale {
                 return Ok(iteration);
             }
             let mut ran_into = None;
-            let mut curvature = Curvature::Exact;
+            let mut shifted = false;
             let (lower, length) = loop {
                 let share = convexity.share;
                 if share > 0.0 && curvature == Curvature::Exact {
                     curvature = Curvature::Convex;
                     self.derivatives(model, state, curvature)?;
+                }
+                if share > 0.0 && !shifted {
                     self.assembly.shift(model, state, &mut self.shift);
+                    shifted = true;
                 }
                 if let Some(direction) = self.direction(share) {
                     let nearly = unbalanced <= NEARLY * options.residual * scale;
@@ -194,7 +217,7 @@ impl Newton {
                         }
                     }
                 }
-                convexity.raise();
+                convexity.raise(self.excess);
                 if convexity.share > GREATEST_SHARE {
                     return Err(NewtonError::Stuck { node, ran_into });
                 }
@@ -280,10 +303,12 @@ impl Newton {
     /// The descent direction of the assembled system with a share of the convex stiffness; `None`
     /// when it has none.
     fn direction(&mut self, share: f64) -> Option<Vec<Vec3>> {
+        self.excess = 0;
         self.system.factor_sum(&self.values, share, &self.shift).ok()?;
         // More negative pivots than pressures: the energy is not convex here, and Newton's step
         // leads to a saddle.
         let (negative, pressures) = (self.system.negative_pivots(), self.assembly.pressures());
+        self.excess = negative.saturating_sub(pressures);
         if negative != pressures {
             tracing::trace!(share, negative, pressures, "not convex");
             return None;
@@ -305,6 +330,29 @@ impl Newton {
         ROUNDING * (energy.abs() + exchanged)
     }
 
+    /// Nodes that have gone a `length` along a direction `from` where they were, those in contact
+    /// along their surfaces: on a straight line they would soon press into these or leave them.
+    fn along(
+        &self,
+        model: &Model,
+        state: &State,
+        from: &[Vec3],
+        direction: &[Vec3],
+        length: f64,
+    ) -> Vec<Vec3> {
+        let step: Vec<Vec3> = direction.iter().map(|d| length * d).collect();
+        let mut points: Vec<Vec3> = from.iter().zip(&step).map(|(p, d)| p + d).collect();
+        for (index, term) in model.terms().iter().enumerate() {
+            term.keep_to_surface(&At { points: from, ..state.at(index) }, &step, &mut points);
+        }
+        for (node, (point, from)) in points.iter_mut().zip(from).enumerate() {
+            for axis in (0..3).filter(|&axis| !self.assembly.is_free(node, axis)) {
+                point[axis] = from[axis];
+            }
+        }
+        points
+    }
+
     /// Moves the state down along a direction and returns the new energy and the length of the
     /// step, or what was in the way. A whole step is doubled as long as that goes down and it is
     /// not longer than `longest`: where the energy is not convex a single one may lead a
@@ -318,16 +366,13 @@ impl Newton {
         longest: f64,
     ) -> Result<(f64, f64), Option<EnergyError>> {
         let (slope, slack) = (self.slope(direction), self.rounding(energy, direction));
-        let along = |from: &[Vec3], length: f64| -> Vec<Vec3> {
-            from.iter().zip(direction).map(|(p, d)| p + length * d).collect()
-        };
         let from = state.points.clone();
         let mut cause = None;
         let first = f64::min(1.0, longest);
         let mut length = first;
         let mut pressure = Vec::new();
         let mut lowest = loop {
-            let points = along(&from, length);
+            let points = self.along(model, state, &from, direction, length);
             match self.assembly.energy(model, state, &points, &mut pressure) {
                 Ok(trial) if trial <= energy + ARMIJO * length * slope + slack => {
                     state.points = points;
@@ -343,7 +388,7 @@ impl Newton {
             }
         };
         while length >= first && 2.0 * length <= longest {
-            let points = along(&from, 2.0 * length);
+            let points = self.along(model, state, &from, direction, 2.0 * length);
             match self.assembly.energy(model, state, &points, &mut pressure) {
                 Ok(trial) if trial < lowest => {
                     (lowest, length) = (trial, 2.0 * length);

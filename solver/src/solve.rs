@@ -9,7 +9,7 @@ use crate::assemble::{AssemblyError, EnergyError, State};
 use crate::materials::MaterialError;
 use crate::model::Model;
 use crate::newton::{Newton, NewtonError, NewtonOptions};
-use crate::terms::Load;
+use crate::terms::{Curvature, Load};
 use mammotwin_data::{
     Vec3,
     progress::{Progress, Silent},
@@ -130,7 +130,7 @@ pub fn solve_near(
 ) -> Result<Solution, SolveError> {
     let (mut newton, mut state) = prepare(model, start, Load::GRAVITY)?;
     let mut counts = Checks { steps: 1, ..Checks::default() };
-    match balance(&mut newton, model, &mut state, options, &mut counts) {
+    match balance(&mut newton, model, &mut state, options, Curvature::Exact, &mut counts) {
         Ok(()) => {
             state.accept(model);
             finish(&newton, model, &state, counts)
@@ -198,9 +198,18 @@ pub(crate) fn walk(
         let to = if to > 1.0 - 1e-9 { 1.0 } else { to };
         let mut trial = state.clone();
         let load = Load::between(first, target, to);
-        newton.predict(model, &mut trial, load);
+        // Where plates alone have moved, the first step of Newton's method foretells more than the
+        // path does: it knows of the nodes that they have come to. These lie so deep in them that
+        // the curvature of the plates under their pressure means nothing yet.
+        let first = if load.gravity == trial.load.gravity {
+            trial.load = load;
+            Curvature::Convex
+        } else {
+            newton.predict(model, &mut trial, load);
+            Curvature::Exact
+        };
         counts.steps += 1;
-        match balance(newton, model, &mut trial, options, counts) {
+        match balance(newton, model, &mut trial, options, first, counts) {
             Ok(()) => {
                 trial.accept(model);
                 *state = trial.clone();
@@ -242,12 +251,14 @@ fn balance(
     model: &Model,
     state: &mut State,
     options: &Options,
+    mut first: Curvature,
     counts: &mut Checks,
 ) -> Result<(), Failure> {
     let (mut before, mut stiffened) = (f64::INFINITY, 0);
     let (mut rounds, mut tight) = (0, 0);
     while rounds < ROUNDS && tight < FRICTION_ROUNDS {
-        let found = newton.minimise(model, state, &options.newton);
+        let found = newton.minimise(model, state, &options.newton, first);
+        first = Curvature::Exact;
         counts.iterations += *found.as_ref().unwrap_or(&options.newton.max_iterations);
         found.map_err(Failure::Newton)?;
         let contact = state.contact(model);

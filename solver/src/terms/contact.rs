@@ -20,6 +20,12 @@ use std::collections::BTreeMap;
 /// Penalty in units of the tissue's shear modulus over the node's own width.
 const PENALTY: f64 = 1000.0;
 
+/// A node that a step brings to the surface lies this deep (mm) beyond where it bears nothing, so
+/// that the next step knows of the contact.
+const NUDGE_MM: f64 = 1e-4;
+/// Square of the gradient of a distance below which it has no direction.
+const LEAST_SLOPE: f64 = 1e-6;
+
 /// Area (mm²) of the faces that belongs to each of their nodes.
 pub(crate) fn node_areas(points: &[Vec3], faces: &[[u32; 3]]) -> BTreeMap<u32, f64> {
     let mut areas = BTreeMap::new();
@@ -338,6 +344,44 @@ impl Contact {
         }
         check.friction_lag = lag / pressing;
         check
+    }
+
+    /// Brings nodes to the distances that a straight step foretells, see [`super::Term::keep_to_surface`].
+    pub fn keep_to_surface(
+        &self,
+        from: &At,
+        step: &[Vec3],
+        points: &mut [Vec3],
+        touch: impl Fn(usize, &[Vec3]) -> Touch,
+    ) {
+        // A foam is no constraint.
+        if self.foam.is_some() {
+            return;
+        }
+        for (element, &node) in self.nodes.iter().enumerate() {
+            let node = node as usize;
+            let (start, end) = (touch(element, from.points), touch(element, points));
+            let size = end.normal.norm_squared();
+            if !(size > LEAST_SLOPE) {
+                continue;
+            }
+            let foretold = start.distance + start.normal.dot(&step[node]);
+            let wanted = match self.opening {
+                Opening::Never => foretold,
+                Opening::Free => {
+                    let (multiplier, penalty) =
+                        self.normal_law(element, from.memory, from.shear_kpa);
+                    let loose = -multiplier / penalty;
+                    let closed = start.distance < loose;
+                    if closed && foretold < loose {
+                        foretold
+                    } else {
+                        end.distance.max(loose - NUDGE_MM)
+                    }
+                }
+            };
+            points[node] += (wanted - end.distance) / size * end.normal;
+        }
     }
 
     /// Renews multipliers, areas under a foam, and what friction takes of the normal direction.

@@ -283,6 +283,12 @@ pub trait Term: Send + Sync {
         None
     }
 
+    /// Moves the nodes of a contact at `points` (mm), where a `step` from the moment `from` has
+    /// brought them on a straight line, along the surface's normal to the distances that the line
+    /// foretells, or where nothing is foretold, out of the surface: the line becomes an arc along
+    /// the surface with the same beginning.
+    fn keep_to_surface(&self, _from: &At, _step: &[Vec3], _points: &mut [Vec3]) {}
+
     /// Updates the multipliers of a contact, and what friction knows of them, after a minimum has
     /// been found.
     fn update_multipliers(

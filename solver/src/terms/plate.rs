@@ -226,6 +226,11 @@ impl Term for Plate {
         Some(self.contact.check(at, |element| self.touch(element, at.points, &at.load)))
     }
 
+    fn keep_to_surface(&self, from: &At, step: &[Vec3], points: &mut [Vec3]) {
+        let touch = |element: usize, points: &[Vec3]| self.touch(element, points, &from.load);
+        self.contact.keep_to_surface(from, step, points, touch);
+    }
+
     fn update_multipliers(
         &self,
         points: &[Vec3],

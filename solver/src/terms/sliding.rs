@@ -99,6 +99,11 @@ impl Term for Sliding {
         Some(self.contact.check(at, |element| self.touch(element, at.points)))
     }
 
+    fn keep_to_surface(&self, from: &At, step: &[Vec3], points: &mut [Vec3]) {
+        self.contact
+            .keep_to_surface(from, step, points, |element, points| self.touch(element, points));
+    }
+
     fn update_multipliers(
         &self,
         points: &[Vec3],

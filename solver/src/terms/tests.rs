@@ -228,6 +228,59 @@ const SLANTED: RoundedPlate = RoundedPlate {
     outline: Outline::ENDLESS,
 };
 
+/// Verifies: steps along surfaces: distances | those that the straight step foretells | 1e-9 mm, departure of second order
+#[test]
+fn steps_keep_to_surfaces() {
+    let mesh = pair();
+    let faces = [[0, 1, 3], [1, 4, 3]];
+    let axis = Vec3::new(0.6, 0.0, 0.8);
+    let cylinder = Cylinder { point: Vec3::new(4.0, -7.0, 1.0), axis, radius_mm: 9.0 };
+    let load = Load { receptor_mm: 0.0, thickness_mm: 2.0, ..Load::GRAVITY };
+    let wall = Sliding::new("wall", &mesh.points, &faces, Arc::new(cylinder));
+    let paddle = Plate::new(PlateKind::Paddle, SLANTED, &mesh.points, &faces);
+    let from = moved(&mesh);
+    let (mut closed, mut open) = (0, 0);
+    for (term, never) in [(&wall as &dyn Term, true), (&paddle, false)] {
+        let memory = &term.first_memory(&mesh.points, load)[..];
+        let curvature = Curvature::Exact;
+        let at =
+            |points| At { points, pressure: &[], memory, shear_kpa: &[0.2; 5], load, curvature };
+        // Where nodes come from the straight line by a length, and how far they lie from it.
+        let go = |length: f64| {
+            let way = |n: usize| Vec3::new(0.4, 0.3 - 0.2 * n as f64, 0.5 * (n as f64).sin());
+            let step: Vec<Vec3> = (0..5).map(|n| length * way(n)).collect();
+            let line: Vec<Vec3> = from.iter().zip(&step).map(|(p, s)| p + s).collect();
+            let mut points = line.clone();
+            term.keep_to_surface(&at(&from), &step, &mut points);
+            let aside: Vec<f64> = points.iter().zip(&line).map(|(p, l)| (p - l).norm()).collect();
+            (step, line, points, aside)
+        };
+        let (step, line, points, aside) = go(1.0);
+        let half = go(0.5).3;
+        let [start, straight, end] =
+            [&from, &line, &points].map(|points| term.touching(&at(points)));
+        for ((start, straight), end) in start.iter().zip(&straight).zip(&end) {
+            let node = start.node as usize;
+            let foretold = start.distance_mm + start.normal.dot(&step[node]);
+            if never || start.closed && foretold < 0.0 {
+                assert!(
+                    (end.distance_mm - foretold).abs() < 1e-9,
+                    "{} {foretold}",
+                    end.distance_mm
+                );
+                assert!(aside[node] < 1e-9 || (3.0..5.0).contains(&(aside[node] / half[node])));
+                closed += 1;
+            } else {
+                // Without a multiplier nothing is borne at a distance of zero.
+                assert!((end.distance_mm - straight.distance_mm.max(-1e-4)).abs() < 1e-9);
+                open += 1;
+            }
+        }
+    }
+    println!("{closed} nodes follow a surface, {open} do not");
+    assert!(closed > 4 && open > 0);
+}
+
 /// Verifies: plates with friction: derivatives of the energy | fourth-order differences | 1e-7, second 1e-6
 #[test]
 fn plate() {

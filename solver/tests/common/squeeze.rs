@@ -39,8 +39,8 @@ impl Squeeze {
         }
     }
 
-    /// Closes the plates on a body that is held at its chest wall, and says how.
-    pub fn run(&self, body: &Body) -> Compressed {
+    /// Closes the plates on a body that is held at its chest wall.
+    pub fn press(&self, body: &Body) -> Compressed {
         let mesh = &body.mesh;
         let mut model = Model::new(mesh);
         let laws = vec![self.law; mesh.tets.len()];
@@ -56,9 +56,14 @@ impl Squeeze {
             stops: self.stops,
         };
         let plates = self.plates(body);
-        let clock = std::time::Instant::now();
         let options = Options::default();
-        let done = compress(model, &plates, &closing, &mesh.points, &options, &Silent).unwrap();
+        compress(model, &plates, &closing, &mesh.points, &options, &Silent).unwrap()
+    }
+
+    /// The same, and says how.
+    pub fn run(&self, body: &Body) -> Compressed {
+        let clock = std::time::Instant::now();
+        let done = self.press(body);
         for step in &done.steps {
             println!(
                 "{:6.1} mm {:6.2}° {:6.2}° {:.2} mm {:.4} N {:.4} N, {:.0} and {:.0} mm², {:.3} kPa",
