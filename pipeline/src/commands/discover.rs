@@ -268,3 +268,25 @@ fn answer(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STUDY: &str = "schema = 1\n[subject]\nid = \"v\"\n[poses.supine]\nimage = \"s.nii\"\nposture = \
+         \"supine\"\n[mesh] # edges\nsize_mm = 9.0\n";
+
+    #[test]
+    fn an_effect_comes_on_top_of_those_that_a_study_has() {
+        let effects = |text: &str| mammotwin_data::study::parse(text).unwrap().model.effects;
+        let once = with_effect(STUDY, "limit_chain", 0.25).unwrap();
+        assert!(once.starts_with(STUDY), "{once}");
+        assert_eq!(effects(&once)["limit_chain"], 0.25);
+        let other = with_effect(&once, "skin_region", 0.5).unwrap();
+        assert_eq!(effects(&other).len(), 2);
+        let more = with_effect(&other, "limit_chain", 0.125).unwrap();
+        assert_eq!(effects(&more)["limit_chain"], 0.375);
+        assert_eq!(mammotwin_data::study::parse(&more).unwrap().mesh.size_mm, 9.0);
+        assert!(with_effect(STUDY, "magic", 1.0).is_err());
+    }
+}
