@@ -1,9 +1,10 @@
 //! Squeezes a body between a receptor and a paddle, and records force against thickness.
 
+mod meet;
 mod press;
 mod stop;
 
-pub use stop::{StopRule, Stops};
+pub use stop::{StopRule, StoppedEarly, Stops};
 
 use crate::model::{Model, ModelError};
 use crate::paddles::{AT_REST, Outline, Paddle, Pose, RoundedPlate};
@@ -15,6 +16,7 @@ use mammotwin_data::{
     progress::Progress,
     solution::{Checks, Solution},
 };
+use meet::Met;
 use press::Press;
 
 /// The two plates, and what they press on.
@@ -51,10 +53,22 @@ pub struct Closing {
     pub thickness_mm: f64,
     /// Share of the closing that the receptor makes (0: it rests; 0.5: both move alike).
     pub receptor_share: f64,
-    /// Largest change of the thickness between recorded states (mm).
+    /// Largest change of the thickness between recorded states (mm); on the way to a final thickness
+    /// all steps are alike.
     pub step_mm: f64,
     /// When it ends.
     pub stops: Stops,
+}
+
+impl Closing {
+    /// The largest step (mm) not above `step_mm` of which some whole number leads to the final
+    /// thickness; `step_mm` itself without one. A last step of any size would make of slopes at the
+    /// end what it likes.
+    fn even_step_mm(&self) -> f64 {
+        let Some(goal) = self.stops.thickness_mm else { return self.step_mm };
+        let way = self.thickness_mm - goal;
+        way / (way / self.step_mm - 1e-9).ceil().max(1.0)
+    }
 }
 
 /// What a plate does to a node.
@@ -125,6 +139,8 @@ pub struct Step {
     /// How far (mm) skin stands out above the paddle's surface at most, beside a finite paddle or in
     /// its window; behind its chest-wall edge does not count.
     pub bulge_mm: f64,
+    /// Largest motion (mm) of a node since the recorded state before; zero for the first.
+    pub moved_mm: f64,
     /// Smallest and largest distance of the plates (mm) where skin touches the paddle's face.
     pub gaps_mm: [f64; 2],
     /// Force of the paddle along the axis (mN), positive when pressing.
@@ -163,7 +179,7 @@ pub struct Compressed {
     /// The limit that ended it; `None` when none was reached.
     pub met: Option<StopRule>,
     /// Why the plates stopped before their goal; `None` when they reached it.
-    pub stopped_early: Option<SolveError>,
+    pub stopped_early: Option<StoppedEarly>,
 }
 
 impl Plates {
@@ -338,53 +354,79 @@ pub fn compress(
     };
     let mut state = state;
     press.walk(&mut state, at(closing.thickness_mm))?;
-    let mut steps = vec![press.record(&state)];
+    let mut steps: Vec<Step> = vec![press.record(&state)];
     let stops = &closing.stops;
     let goal = stops.thinnest_mm();
-    let (mut stopped_early, mut met) = (None, None);
-    let mut step_mm = closing.step_mm;
+    let mut stopped_early: Option<StoppedEarly> = None;
+    let reached = stops.thickness_mm.is_some_and(|goal| state.load.thickness_mm <= goal);
+    let mut met = reached.then_some(StopRule::Thickness);
+    let even_mm = closing.even_step_mm();
+    let mut step_mm = even_mm;
     while met.is_none() && stopped_early.is_none() && state.load.thickness_mm > goal {
-        let thickness = f64::max(goal, state.load.thickness_mm - step_mm);
+        let thickness = match state.load.thickness_mm - step_mm {
+            // What rounding leaves is no step.
+            next if next < goal + 1e-6 * step_mm => goal,
+            next => next,
+        };
         let before = state.clone();
         let failed = press.walk(&mut state, at(thickness)).err();
         if failed.is_some() && plates.paddle.gives_way() {
             // What was reached on the way is not in balance with the paddle.
             state = before.clone();
             press.forget();
-            if step_mm > SMALLEST_STEP * closing.step_mm {
+            if step_mm > SMALLEST_STEP * even_mm {
                 step_mm *= 0.5;
                 continue;
             }
         }
         if failed.is_some() && state.load.thickness_mm == before.load.thickness_mm {
-            stopped_early = failed;
+            stopped_early = failed.map(Into::into);
             break;
         }
         let mut step = press.record(&state);
-        if stops.share(&step) >= 1.0 {
-            let shares = [steps.last().map_or(0.0, |s| stops.share(s)), stops.share(&step)];
-            match press.meet(stops, (&before, &state), shares, &at) {
-                Ok(found) => {
-                    state = found;
-                    step = press.record(&state);
+        if let (true, Some(last)) = (stops.share(&step) >= 1.0, steps.last()) {
+            state = match press.meet(stops, [(&before, last), (&state, &step)], &at) {
+                Met::Limit(found) => {
+                    step = press.record(&found);
+                    met = stops.nearest(&step).map(|(rule, _)| rule);
+                    found
                 }
-                Err(error) => stopped_early = Some(error),
-            }
-            met = stops.nearest(&step).map(|(rule, _)| rule);
+                Met::Leap([low, high]) => {
+                    stopped_early = Some(StoppedEarly::Leap {
+                        thickness_mm: [low.thickness_mm, high.thickness_mm],
+                        force_mn: [low.force_mn, high.force_mn],
+                        share: [low.share, high.share],
+                    });
+                    step = press.record(&low.state);
+                    low.state
+                }
+            };
         } else if stops.thickness_mm.is_some() && state.load.thickness_mm <= goal {
             met = Some(StopRule::Thickness);
-        }
-        if met.is_none() && failed.is_some() {
-            stopped_early = failed;
+        } else if let Some(error) = failed {
+            stopped_early = Some(error.into());
+        } else if state.load.thickness_mm <= goal {
+            let (thickness_mm, share) = (goal, stops.share(&step));
+            stopped_early = Some(StoppedEarly::Thinnest { thickness_mm, share });
         }
         progress.report(
             fraction(closing, &step, goal),
             &format!("{:.1} mm, {:.1} N", step.thickness_mm, step.paddle_force_mn / 1000.0),
         );
-        steps.push(step);
+        // A search that ends where it began has no new state.
+        if state.load.thickness_mm < before.load.thickness_mm {
+            step.moved_mm = steps.last().map_or(0.0, |last| largest_motion(last, &step));
+            steps.push(step);
+        }
     }
     let solution = solve::finish(&press.newton, &press.model, &state, press.counts)?;
     Ok(Compressed { steps, solution, met, stopped_early })
+}
+
+/// Largest motion (mm) of a node between two states.
+fn largest_motion(before: &Step, after: &Step) -> f64 {
+    let motions = before.points.iter().zip(&after.points).map(|(a, b)| (b - a).norm());
+    motions.fold(0.0, f64::max)
 }
 
 fn fraction(closing: &Closing, step: &Step, goal: f64) -> f64 {

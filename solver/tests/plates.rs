@@ -46,6 +46,16 @@ fn block(
 
 /// Presses on a block from above until a thickness.
 fn press(mesh: &TetMesh, law: Law, paddle: Paddle, outline: Outline, to_mm: f64) -> Compressed {
+    press_until(mesh, law, paddle, outline, Stops::at_thickness(to_mm))
+}
+
+fn press_until(
+    mesh: &TetMesh,
+    law: Law,
+    paddle: Paddle,
+    outline: Outline,
+    stops: Stops,
+) -> Compressed {
     let mut model = Model::new(mesh);
     model.add(Bulk::new("block", mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
     // A place: two nodes of the bottom near its middle.
@@ -75,7 +85,7 @@ fn press(mesh: &TetMesh, law: Law, paddle: Paddle, outline: Outline, to_mm: f64)
         thickness_mm: mesh.points.iter().map(|p| p.z).fold(0.0, f64::max),
         receptor_share: 0.0,
         step_mm: 2.0,
-        stops: Stops::at_thickness(to_mm),
+        stops,
     };
     let clock = std::time::Instant::now();
     let done =
@@ -139,6 +149,39 @@ fn a_spot_paddle_presses_on_its_own_area_and_tissue_bulges_beside_it() {
         }
         assert!(endless > step.paddle_force_mn);
     }
+}
+
+#[test]
+fn a_compression_that_reaches_nothing_at_5_mm_says_so() {
+    let thin = block([8, 6, 2], [80.0, 60.0], 30.0, |_, _| 7.5 - HEIGHT_MM);
+    let stops = Stops { force_mn: Some(1e9), ..Stops::default() };
+    let done = press_until(&thin, soft(), Paddle::Rigid, Outline::ENDLESS, stops);
+    let steps: Vec<f64> = done.steps.iter().map(|step| step.thickness_mm).collect();
+    assert_eq!(steps, [7.5, 5.5, 5.0]);
+    assert_eq!(done.met, None);
+    let why = done.stopped_early.unwrap().to_string();
+    assert!(why.contains("5.0 mm, the thinnest that is tried, only 0 %"), "{why}");
+}
+
+#[test]
+fn steps_to_a_final_thickness_are_alike() {
+    let mesh = block([8, 6, 2], [80.0, 60.0], 30.0, |_, _| 0.0);
+    let done = press(&mesh, soft(), Paddle::Rigid, Outline::ENDLESS, 35.0);
+    // 5 mm in steps of at most 2.
+    assert_eq!(done.steps.len(), 4);
+    for (n, step) in done.steps.iter().enumerate() {
+        assert!((step.thickness_mm - (40.0 - 5.0 * n as f64 / 3.0)).abs() < 1e-9);
+    }
+    assert_eq!(done.steps[3].thickness_mm, 35.0);
+    // The most that a node moves between two states, over all of them, is no less than on the whole way.
+    let [first, last] = [0, 3].map(|n| &done.steps[n]);
+    let way = |n: usize| (last.points[n] - first.points[n]).norm();
+    let longest = (0..first.points.len()).map(way).fold(0.0, f64::max);
+    let moved: f64 = done.steps.iter().map(|step| step.moved_mm).sum();
+    assert!(
+        first.moved_mm == 0.0 && moved >= longest && moved < 1.2 * longest,
+        "{moved} {longest}"
+    );
 }
 
 /// Verifies: finite plate larger than the block | endless plate | 1e-9

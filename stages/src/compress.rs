@@ -1,8 +1,10 @@
 //! One breast between paddle and receptor.
 
+mod leaps;
 mod paddle;
 mod squeeze;
 
+pub use leaps::Leap;
 pub use paddle::from_cad;
 
 use crate::{
@@ -55,6 +57,8 @@ pub struct Course {
     pub deflection_mm: Vec<f64>,
     /// How far (mm) skin stands out above the paddle's surface at most, beside it or in its window.
     pub bulge_mm: Vec<f64>,
+    /// Largest motion (mm) of a node since the state before; zero for the first.
+    pub moved_mm: Vec<f64>,
     /// Contact area of the paddle (mm²), as seen along the compression: without its front.
     pub contact_area_mm2: Vec<f64>,
     /// Contact area of the paddle's upright front (mm²), as seen across the compression.
@@ -172,7 +176,7 @@ impl Compression {
 
 impl Stage for Compress {
     const NAME: &'static str = "compress";
-    const VERSION: u32 = 7;
+    const VERSION: u32 = 8;
     const METHODS: &'static str = "The breast was compressed between two plates, flat, frictionless and fixed in their direction \
          unless stated otherwise, their rounded edges along the chest wall under it, the paddle as large as its outline, from its stress-free shape and without gravity (the thesis \
          neglects its prestress, too); a share of the weight of an upright person acts where stated.";
@@ -238,6 +242,7 @@ fn result(
         roll_deg: of(|s| s.roll_rad.to_degrees()),
         deflection_mm: of(|s| s.deflection_mm),
         bulge_mm: of(|s| s.bulge_mm),
+        moved_mm: of(|s| s.moved_mm),
         contact_area_mm2: of(|s| s.contact_area_mm2),
         front_area_mm2: of(|s| s.front_area_mm2),
         edge_area_mm2: of(|s| s.edge_area_mm2),

@@ -1,5 +1,6 @@
 //! A model between plates: equilibrium of body and paddle, and what is recorded of it.
 
+use super::meet::{Met, Reached, meet};
 use super::{Plates, Pressing, Step, Stops};
 use crate::assemble::State;
 use crate::model::Model;
@@ -13,11 +14,6 @@ use mammotwin_data::{
     solution::{Checks, von_mises_kpa},
 };
 use nalgebra::{DMatrix, DVector};
-
-/// A limit is met within this part of it.
-const STOP_TOLERANCE: f64 = 0.01;
-/// Most trials to meet a limit.
-const STOP_TRIALS: usize = 12;
 
 /// Torques are in balance within this part of what turns the paddle.
 const TORQUE_TOLERANCE: f64 = 1e-3;
@@ -167,41 +163,34 @@ impl Press<'_> {
         Err(SolveError::Paddle { thickness_mm: load.thickness_mm })
     }
 
-    /// The state between `thick` and `thin` at which the nearest limit is reached; `shares` are
-    /// those that they reach of it.
+    /// The state between `thick` and `thin` at which the nearest limit is reached, if there is one.
     pub fn meet(
         &mut self,
         stops: &Stops,
-        (thick, thin): (&State, &State),
-        shares: [f64; 2],
+        [thick, thin]: [(&State, &Step); 2],
         at: &impl Fn(f64) -> Load,
-    ) -> Result<State, SolveError> {
-        let (mut wide, mut wide_share) = (thick.load.thickness_mm, shares[0]);
-        let (mut narrow, mut narrow_share) = (thin.load.thickness_mm, shares[1]);
-        let mut found = thin.clone();
-        for _ in 0..STOP_TRIALS {
-            if narrow_share - 1.0 <= STOP_TOLERANCE {
-                break;
+    ) -> Met<State> {
+        let reached = |state: &State, step: &Step| Reached {
+            thickness_mm: step.thickness_mm,
+            share: stops.share(step),
+            force_mn: step.paddle_force_mn,
+            state: state.clone(),
+        };
+        let go = |thickness_mm: f64| {
+            let mut trial = thick.0.clone();
+            let failed = self.walk(&mut trial, at(thickness_mm)).err();
+            if let Some(error) = failed {
+                tracing::debug!(?error, thickness_mm, "no state on the way to the limit");
+                self.forget();
+                return None;
             }
-            // The force curves upwards: stay away from the ends of the bracket.
-            let part = ((1.0 - wide_share) / (narrow_share - wide_share)).clamp(0.1, 0.9);
-            let thickness = wide + part * (narrow - wide);
-            let mut trial = thick.clone();
-            self.walk(&mut trial, at(thickness))?;
-            let share = stops.share(&self.record(&trial));
-            if (share - 1.0).abs() <= STOP_TOLERANCE {
-                return Ok(trial);
-            }
-            if share < 1.0 {
-                (wide, wide_share) = (thickness, share);
-            } else {
-                (narrow, narrow_share) = (thickness, share);
-                found = trial;
-            }
-        }
-        Ok(found)
+            let step = self.record(&trial);
+            Some(reached(&trial, &step))
+        };
+        meet(reached(thick.0, thick.1), reached(thin.0, thin.1), go)
     }
 
+    /// What a state is, without its motion since another one.
     pub fn record(&self, state: &State) -> Step {
         let axis = self.plates.axis;
         let areas = skin_around(&state.points, &self.plates.faces);
@@ -251,6 +240,7 @@ impl Press<'_> {
             roll_rad,
             deflection_mm: deflections.fold(0.0, f64::max),
             bulge_mm,
+            moved_mm: 0.0,
             gaps_mm: gaps_mm.unwrap_or([state.load.thickness_mm; 2]),
             paddle_force_mn,
             receptor_force_mn,

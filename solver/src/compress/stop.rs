@@ -1,6 +1,40 @@
 //! When a compression ends: the first of several limits that is reached.
 
 use super::Step;
+use crate::solve::SolveError;
+
+/// Why a compression ended before any of its limits.
+#[derive(Debug, thiserror::Error)]
+pub enum StoppedEarly {
+    /// There is no equilibrium further on.
+    #[error(transparent)]
+    Solve(#[from] SolveError),
+    /// The body leaps over the limit: no state on its way meets it.
+    #[error(
+        "the body leaps over the limit between {:.2} mm ({:.2} N, {:.0} % of the limit) and {:.2} mm ({:.2} N, {:.0} %); \
+         no state there is within 1 % of it; give another limit or a finer mesh",
+        thickness_mm[0], force_mn[0] / 1e3, 100.0 * share[0], thickness_mm[1], force_mn[1] / 1e3, 100.0 * share[1]
+    )]
+    Leap {
+        /// Distance of the plates (mm) before and behind it.
+        thickness_mm: [f64; 2],
+        /// Force of the paddle (mN).
+        force_mn: [f64; 2],
+        /// Share of the nearest limit.
+        share: [f64; 2],
+    },
+    /// No limit is reached at the thinnest gap that is tried.
+    #[error(
+        "at {thickness_mm:.1} mm, the thinnest that is tried, only {:.0} % of the limit are reached; \
+         give a lower one or a final thickness", 100.0 * share
+    )]
+    Thinnest {
+        /// Distance of the plates (mm).
+        thickness_mm: f64,
+        /// Share of the nearest limit.
+        share: f64,
+    },
+}
 
 /// Limits; those that are `None` do not count.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -66,7 +66,7 @@ impl Squeeze {
         let done = self.press(body);
         for step in &done.steps {
             println!(
-                "{:6.1} mm {:6.2}° {:6.2}° {:.2} mm {:.4} N {:.4} N, {:.0} and {:.0} mm², {:.3} kPa",
+                "{:6.1} mm {:6.2}° {:6.2}° {:.2} mm {:.4} N {:.4} N, {:.0} and {:.0} mm², {:.3} kPa, moved {:.2} mm",
                 step.thickness_mm,
                 step.tilt_rad.to_degrees(),
                 step.roll_rad.to_degrees(),
@@ -76,6 +76,7 @@ impl Squeeze {
                 step.contact_area_mm2,
                 step.front_area_mm2,
                 step.mean_pressure_kpa,
+                step.moved_mm,
             );
         }
         let Compressed { stopped_early, met, solution, .. } = &done;

@@ -39,7 +39,7 @@ bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const METHODS: &'static str = "";
     type Input = (
         BreastMesh,
@@ -164,6 +164,12 @@ fn force_thickness(compression: &Compression) -> Curve {
                 "mm",
                 "Skin above the paddle, beside it or in its window",
                 &curve.bulge_mm,
+            ),
+            column(
+                "moved_mm",
+                "mm",
+                "Largest motion of a node since the state before",
+                &curve.moved_mm,
             ),
             column("contact_area_mm2", "mm2", "Contact area", &curve.contact_area_mm2),
             column("front_area_mm2", "mm2", "Contact area of the front", &curve.front_area_mm2),

@@ -53,7 +53,7 @@ pub type Squeezed =
 
 impl Stage for Report {
     const NAME: &'static str = "report";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const METHODS: &'static str = "";
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
@@ -103,6 +103,8 @@ impl Stage for Report {
         if let Some(why) = compression.as_ref().and_then(|c| c.stopped_early.as_ref()) {
             input.warnings.push(format!("The compression ended before its stop rule: {why}"));
         }
+        let leaps = compression.as_ref().map(|c| c.curve.leaps()).unwrap_or_default();
+        input.warnings.extend(leaps.iter().map(|leap| leap.to_string()));
         input.facts =
             sections::headlines(calibration, validations, compression.as_ref(), &input.metrics);
         input.summary =

@@ -17,16 +17,23 @@ pub struct Pressed {
 }
 
 impl Pressed {
-    /// Of a compression.
+    /// Of a compression, as far as it goes before the breast leaps to another equilibrium: what is behind a leap
+    /// depends on where it happens, which mesh and steps decide.
     pub fn of(made: &Compression) -> Self {
         let reach =
             |points: &[[f32; 3]]| points.iter().map(|p| f64::from(p[1])).fold(0.0, f64::max);
-        let extent = made.steps.iter().map(|step| reach(&step.points)).collect();
         let curve = &made.curve;
-        let force = curve.force_n.iter().map(|f| f.max(0.0)).collect();
+        let states = curve.leaps().first().map_or(curve.thickness_mm.len(), |leap| leap.state);
+        let until = |values: &[f64]| values.iter().take(states).copied().collect();
+        let steps = made.steps.iter().take(states);
         Self {
-            thickness_mm: curve.thickness_mm.clone(),
-            values: [force, curve.contact_area_mm2.clone(), extent, curve.tilt_deg.clone()],
+            thickness_mm: until(&curve.thickness_mm),
+            values: [
+                curve.force_n.iter().take(states).map(|f| f.max(0.0)).collect(),
+                until(&curve.contact_area_mm2),
+                steps.map(|step| reach(&step.points)).collect(),
+                until(&curve.tilt_deg),
+            ],
         }
     }
 
@@ -93,4 +100,51 @@ pub(super) fn tangent(x: &[f64], y: &impl Fn(usize) -> f64, n: usize) -> f64 {
     let (near, far) = ((x[n] - x[n - 1]).abs(), (x[n + 1] - x[n]).abs());
     let (a, b) = (2.0 * far + near, far + 2.0 * near);
     (a + b) / (a / before + b / after)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{compress::Course, load_steps::LoadStep};
+    use mammotwin_data::{labels::Side, mesh::TetMesh, rigid::RigidTransform, solution::Solution};
+
+    /// A course of 60 to 50 mm of which the last step moves a node by `moved_mm`.
+    fn pressed(moved_mm: f64) -> Pressed {
+        let reach = |y: f32| LoadStep { points: vec![[0.0, y, 0.0]], ..LoadStep::default() };
+        Pressed::of(&Compression {
+            side: Side::Right,
+            mesh: TetMesh::default(),
+            solution: Solution::default(),
+            contact_pressure_kpa: Vec::new(),
+            plates: Default::default(),
+            thickness_mm: 50.0,
+            nominal_thickness_mm: 50.0,
+            outline_mm: Vec::new(),
+            to_detector: RigidTransform::identity(),
+            curve: Course {
+                thickness_mm: vec![60.0, 55.0, 50.0],
+                force_n: vec![-0.01, 12.0, 20.6],
+                contact_area_mm2: vec![0.0, 4000.0, 5000.0],
+                tilt_deg: vec![0.0; 3],
+                moved_mm: vec![0.0, 6.0, moved_mm],
+                ..Course::default()
+            },
+            steps: [70.0, 74.0, 78.0].map(reach).to_vec(),
+            nipple_node: 0,
+            met: None,
+            stopped_early: None,
+        })
+    }
+
+    #[test]
+    fn a_course_ends_before_the_breast_leaps() {
+        let whole = pressed(6.0);
+        assert_eq!((whole.thinnest_mm(), whole.values[0][0]), (50.0, 0.0));
+        let cut = pressed(19.0);
+        assert_eq!(cut.thickness_mm, [60.0, 55.0]);
+        assert_eq!(
+            cut.values,
+            [vec![0.0, 12.0], vec![0.0, 4000.0], vec![70.0, 74.0], vec![0.0; 2]]
+        );
+    }
 }

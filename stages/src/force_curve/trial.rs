@@ -221,7 +221,7 @@ pub fn gathered(
     let plain = pressed.next().flatten().filter(|p| p.thinnest_mm() <= thinnest_mm + 1e-6);
     let Some(plain) = plain else {
         return Err(Failure::Numerics(format!(
-            "the compression of the study does not reach {thinnest_mm} mm"
+            "the compression of the study does not reach {thinnest_mm} mm, or leaps to another equilibrium before"
         )));
     };
     let rungs = switched(plan, effects);

@@ -10,8 +10,9 @@ use crate::{
     display::Task,
     force_curve::{Band, band, record_table},
 };
-use mammotwin_data::{Failure, progress::Progress, study::CompressPlan};
+use mammotwin_data::{Failure, progress::Progress, store::Stage, study::CompressPlan};
 use mammotwin_stages::{
+    compress::Compress,
     force_curve::{
         course::Pressed,
         evidence::{Evidence, Ladder, Parameters},
@@ -68,6 +69,11 @@ struct Done {
     course: Option<Pressed>,
 }
 
+/// What made a compression: those of another version of its stage are made anew.
+fn version() -> String {
+    format!("{}, compress {}", env!("CARGO_PKG_VERSION"), Compress::VERSION)
+}
+
 /// Compressions of a person that are kept in a folder.
 struct Kept {
     person: Person,
@@ -82,9 +88,7 @@ impl Kept {
 
     fn read(&self, way: &Way) -> Option<Option<Pressed>> {
         let done: Done = serde_json::from_slice(&fs::read(self.file(way)).ok()?).ok()?;
-        let same = done.version == env!("CARGO_PKG_VERSION")
-            && done.person == self.person
-            && done.way == *way;
+        let same = done.version == version() && done.person == self.person && done.way == *way;
         same.then_some(done.course)
     }
 
@@ -96,7 +100,7 @@ impl Kept {
             let keep = |way: &Way, course: &Option<Pressed>| -> Result<(), Failure> {
                 let path = self.file(way);
                 let done = Done {
-                    version: env!("CARGO_PKG_VERSION").into(),
+                    version: version(),
                     person: self.person.clone(),
                     way: way.clone(),
                     course: course.clone(),
@@ -198,11 +202,13 @@ impl Subject {
             hidden.push(way(label, effect.switched(&plan, *amplitude)));
         }
         let mut courses = kept.press(&hidden, task, 0.6)?.into_iter();
-        let nothing = courses.next().flatten().ok_or_else(|| {
-            Failure::Numerics("study force-curve: the truth has no equilibrium".into())
+        let reaches = |course: &Pressed| course.thinnest_mm() <= THINNEST_MM + 1e-6;
+        let nothing = courses.next().flatten().filter(reaches).ok_or_else(|| {
+            let why = "has no equilibrium or leaps to another one";
+            Failure::Numerics(format!("study force-curve: above {THINNEST_MM} mm the truth {why}"))
         })?;
         for (truth, course) in truths.iter_mut().zip(courses) {
-            truth.course = course.filter(|c| c.thinnest_mm() <= THINNEST_MM + 1e-6);
+            truth.course = course.filter(reaches);
         }
         Ok(Self { seed: kept.person.seed, evidence, places, nothing, truths })
     }
