@@ -87,11 +87,11 @@ mod tests {
         let [leap] = found[..] else { panic!("{found:?}") };
         assert_eq!(
             leap.to_string(),
-            "At 50.0 mm the breast leaps to another equilibrium: 20.6 → 14.7 N, a node moves by 19 mm"
+            "At 50.0 mm the breast seems to leap to another equilibrium: 20.6 → 14.7 N, a node moves by 19 mm"
         );
         assert_eq!(leap.state, 2);
         // By the node alone, by the force alone.
-        assert_eq!(course(&[[55.0, 12.0, 0.0], [50.0, 13.0, 15.5]]).leaps().len(), 1);
+        assert_eq!(course(&[[55.0, 12.0, 0.0], [50.0, 13.0, 18.0]]).leaps().len(), 1);
         assert_eq!(course(&[[55.0, 3.0, 0.0], [50.0, 2.8, 6.0]]).leaps().len(), 1);
     }
 }
