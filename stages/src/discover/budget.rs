@@ -30,7 +30,7 @@ pub struct Budget {
 
 /// Scores (standard deviations) that volunteers without any effect have by what no budget knows, per mm of
 /// voxel and at least: the surfaces of voxels are too flat where skin is round, and the truth lies on another
-/// mesh. Without noise the largest were 2.5 and 1.7 with voxels of 2.5 mm (`tiny`, seeds 3 and 7), 1.3 with
+/// mesh. Without noise the largest were 2.5 and 1.7 with voxels of 2.5 mm (`tiny`, seeds 3 and 7), 1.9 with
 /// 1.25 mm (seed 3).
 const SYSTEMATIC_PER_MM: f64 = 0.8;
 const LEAST_SYSTEMATIC: f64 = 1.0;
