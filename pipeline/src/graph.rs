@@ -235,7 +235,7 @@ const QUADRATIC_EDGE: f64 = 1.25;
 pub fn discover(
     study: &Study,
     held_out: &str,
-    library: &[&'static Effect],
+    effects: &[&'static Effect],
     run: &Run<'_>,
 ) -> Result<Found, Failure> {
     let Outcome { reference, poses, mesh, calibration, .. } = self::run(study, run)?;
@@ -263,7 +263,7 @@ pub fn discover(
         gravity: gravity(&reference, &study.poses[&reference])?,
         poses: names,
         reference: reference.clone(),
-        library: library.iter().map(|effect| effect.name).collect(),
+        effects: effects.iter().map(|effect| effect.name).collect(),
     };
     let first = &poses[&reference];
     let inputs = (&first.labels, &first.surfaces, &mesh, &calibration, &motions[..], &surfaces[..]);

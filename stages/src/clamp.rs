@@ -156,29 +156,17 @@ impl Clamp {
 mod tests {
     use super::*;
     use crate::compress::Course;
-    use mammotwin_data::{
-        labels::Side, mesh::TetMesh, progress::Silent, rigid::RigidTransform, solution::Solution,
-    };
+    use mammotwin_data::progress::Silent;
 
     /// A compression of which only the course counts.
     fn compressed(thickness_mm: Vec<f64>, force_n: Vec<f64>) -> Compression {
         let contact_area_mm2 = force_n.iter().map(|_| 5000.0).collect();
-        Compression {
-            side: Side::Right,
-            mesh: TetMesh::default(),
-            solution: Solution::default(),
-            contact_pressure_kpa: Vec::new(),
-            plates: Default::default(),
-            thickness_mm: 50.0,
-            nominal_thickness_mm: 50.0,
-            outline_mm: Vec::new(),
-            to_detector: RigidTransform::identity(),
-            curve: Course { thickness_mm, force_n, contact_area_mm2, ..Course::default() },
-            steps: Vec::new(),
-            nipple_node: 0,
-            met: None,
-            stopped_early: None,
-        }
+        Compression::of_course(Course {
+            thickness_mm,
+            force_n,
+            contact_area_mm2,
+            ..Course::default()
+        })
     }
 
     fn run(plan: ClampPlan) -> Metrics {

@@ -350,6 +350,29 @@ impl Artifact for Compression {
 }
 
 #[cfg(test)]
+impl Compression {
+    /// A compression to 50 mm of which only the course counts.
+    pub(crate) fn of_course(curve: Course) -> Self {
+        Self {
+            side: Side::Right,
+            mesh: TetMesh::default(),
+            solution: Solution::default(),
+            contact_pressure_kpa: Vec::new(),
+            plates: Default::default(),
+            thickness_mm: 50.0,
+            nominal_thickness_mm: 50.0,
+            outline_mm: Vec::new(),
+            to_detector: RigidTransform::identity(),
+            curve,
+            steps: Vec::new(),
+            nipple_node: 0,
+            met: None,
+            stopped_early: None,
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
     use mammotwin_data::study::{self, EDGE_RADIUS_MM};

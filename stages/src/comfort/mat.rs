@@ -119,12 +119,7 @@ fn barycentric() -> impl Iterator<Item = [f64; 3]> {
 mod tests {
     use super::*;
     use crate::compress::{Course, PlateContact};
-    use mammotwin_data::{
-        labels::{Side, Tissue},
-        mesh::TetMesh,
-        rigid::RigidTransform,
-        solution::Solution,
-    };
+    use mammotwin_data::{labels::Tissue, mesh::TetMesh, solution::Solution};
 
     /// A square of skin, 40 mm wide, that bears 2 kPa on its face.
     fn pressed() -> Compression {
@@ -155,20 +150,11 @@ mod tests {
             patches: BTreeMap::from([(Patch::Skin, skin)]),
         };
         Compression {
-            side: Side::Right,
             mesh,
             solution: Solution { points, ..Solution::default() },
             contact_pressure_kpa: vec![2.0; area.len()],
             plates: [PlateContact::default(), PlateContact { force_mn: force, area_mm2: area }],
-            thickness_mm: 30.0,
-            nominal_thickness_mm: 30.0,
-            outline_mm: Vec::new(),
-            to_detector: RigidTransform::identity(),
-            curve: Course::default(),
-            steps: Vec::new(),
-            nipple_node: 0,
-            met: None,
-            stopped_early: None,
+            ..Compression::of_course(Course::default())
         }
     }
 

@@ -106,34 +106,20 @@ pub(super) fn tangent(x: &[f64], y: &impl Fn(usize) -> f64, n: usize) -> f64 {
 mod tests {
     use super::*;
     use crate::{compress::Course, load_steps::LoadStep};
-    use mammotwin_data::{labels::Side, mesh::TetMesh, rigid::RigidTransform, solution::Solution};
 
     /// A course of 60 to 50 mm of which the last step moves a node by `moved_mm`.
     fn pressed(moved_mm: f64) -> Pressed {
         let reach = |y: f32| LoadStep { points: vec![[0.0, y, 0.0]], ..LoadStep::default() };
-        Pressed::of(&Compression {
-            side: Side::Right,
-            mesh: TetMesh::default(),
-            solution: Solution::default(),
-            contact_pressure_kpa: Vec::new(),
-            plates: Default::default(),
-            thickness_mm: 50.0,
-            nominal_thickness_mm: 50.0,
-            outline_mm: Vec::new(),
-            to_detector: RigidTransform::identity(),
-            curve: Course {
-                thickness_mm: vec![60.0, 55.0, 50.0],
-                force_n: vec![-0.01, 12.0, 20.6],
-                contact_area_mm2: vec![0.0, 4000.0, 5000.0],
-                tilt_deg: vec![0.0; 3],
-                moved_mm: vec![0.0, 6.0, moved_mm],
-                ..Course::default()
-            },
-            steps: [70.0, 74.0, 78.0].map(reach).to_vec(),
-            nipple_node: 0,
-            met: None,
-            stopped_early: None,
-        })
+        let curve = Course {
+            thickness_mm: vec![60.0, 55.0, 50.0],
+            force_n: vec![-0.01, 12.0, 20.6],
+            contact_area_mm2: vec![0.0, 4000.0, 5000.0],
+            tilt_deg: vec![0.0; 3],
+            moved_mm: vec![0.0, 6.0, moved_mm],
+            ..Course::default()
+        };
+        let steps = [70.0, 74.0, 78.0].map(reach).to_vec();
+        Pressed::of(&Compression { steps, ..Compression::of_course(curve) })
     }
 
     #[test]
