@@ -10,7 +10,7 @@ use std::ops::Range;
 /// Ligaments that the model knows.
 pub const LIGAMENTS: [&str; 4] = ["inframammary", "deep_medial", "cranial", "lateral"];
 /// Effects that `model.effects` may name.
-pub const EFFECTS: [&str; 18] = [
+pub const EFFECTS: [&str; 19] = [
     "limit_chain",
     "fascia_limit",
     "cranial_ligament",
@@ -19,6 +19,7 @@ pub const EFFECTS: [&str; 18] = [
     "skin_region",
     "skin_thickness",
     "skin_prestress",
+    "skin_limit",
     "gland_inclusion",
     "compressible",
     "cooper_anisotropy",

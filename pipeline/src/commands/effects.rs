@@ -3,8 +3,10 @@
 use crate::cli::EffectsArguments;
 use mammotwin_data::Failure;
 use mammotwin_stages::{
+    discover::ARTEFACTS,
     effects::{EFFECTS, Effect},
     force_curve::library::CURVE_EFFECTS,
+    image_chain::library::IMAGE_EFFECTS,
 };
 use serde_json::json;
 
@@ -31,6 +33,7 @@ pub fn effects(arguments: &EffectsArguments) -> Result<(), Failure> {
                 "amplitude": effect.amplitude.meaning,
                 "unit": effect.amplitude.unit,
                 "range": effect.amplitude.range,
+                "sentence": effect.sentence,
                 "signature": effect.signature,
                 "confused_with": effect.confused_with,
                 "separated_by": effect.separated_by,
@@ -50,7 +53,27 @@ pub fn effects(arguments: &EffectsArguments) -> Result<(), Failure> {
                 "separated_by": effect.separated_by,
             })
         });
-        tell!("{:#}", json!(poses.into_iter().chain(curves).collect::<Vec<_>>()));
+        let images = IMAGE_EFFECTS.each_ref().map(|effect| {
+            json!({
+                "data": "mammogram",
+                "name": effect.name,
+                "sentence": effect.sentence,
+                "amplitude": effect.meaning,
+                "unit": effect.unit,
+                "range": effect.range,
+                "signature": effect.signature,
+            })
+        });
+        let artefacts = ARTEFACTS.each_ref().map(|artefact| {
+            json!({
+                "data": "artefact",
+                "name": artefact.name,
+                "sentence": artefact.sentence,
+                "treatment": artefact.treatment,
+            })
+        });
+        let all = poses.into_iter().chain(curves).chain(images).chain(artefacts);
+        tell!("{:#}", json!(all.collect::<Vec<_>>()));
         return Ok(());
     }
     tell!("Switch an effect on with its amplitude, e.g. [model.effects] limit_chain = 0.5\n");
@@ -66,7 +89,8 @@ pub fn effects(arguments: &EffectsArguments) -> Result<(), Failure> {
         );
         tell!("    shows as   {}", effect.signature);
         tell!("    like       {}", effect.confused_with.join(", "));
-        tell!("    told apart {}\n", effect.separated_by);
+        tell!("    told apart {}", effect.separated_by);
+        tell!("    in reports {}\n", effect.sentence);
     }
     tell!(
         "Effects of the compression need a record of force and thickness (mammotwin study force-curve), and \
@@ -81,6 +105,19 @@ pub fn effects(arguments: &EffectsArguments) -> Result<(), Failure> {
         tell!("    shows as   {}", effect.signature);
         tell!("    like       {}", effect.confused_with.join(", "));
         tell!("    told apart {}\n", effect.separated_by);
+    }
+    tell!("Effects of the image chain are asked for by mammotwin study image-chain.\n");
+    for effect in &IMAGE_EFFECTS {
+        let [least, greatest] = effect.range;
+        let unit = if effect.unit == "1" { "" } else { effect.unit };
+        tell!("{}\n    {}", effect.name, effect.sentence);
+        tell!("    amplitude  {}: {least} to {greatest} {unit}", effect.meaning);
+        tell!("    shows as   {}\n", effect.signature);
+    }
+    tell!("Errors of the measurement, which are never called physics:\n");
+    for artefact in &ARTEFACTS {
+        tell!("{}\n    {}", artefact.name, artefact.sentence);
+        tell!("    treated    {}\n", artefact.treatment);
     }
     Ok(())
 }

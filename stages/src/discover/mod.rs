@@ -5,9 +5,11 @@
 //! a score test asks whether what survives of it, after the moduli took what they can, is in the
 //! data. The best are fitted together with the moduli. A pose that the search never saw decides.
 
+mod artefacts;
 mod budget;
 mod clusters;
 mod course;
+mod drift;
 mod evidence;
 mod held_out;
 mod observe;
@@ -15,20 +17,27 @@ mod reference;
 mod refit;
 mod rest;
 mod screen;
+mod second;
 mod signature;
+#[cfg(test)]
+#[allow(clippy::unwrap_used)] // a test may fail at once
+mod tests;
 pub mod trial;
 mod variation;
 mod verdict;
 
+pub use artefacts::{ARTEFACTS, Artefact};
 pub use budget::{Budget, Nodes, RigidError};
 pub use clusters::Cluster;
 pub use course::{Bent, Course};
+pub use drift::{Drift, PoseModuli};
 pub use evidence::{Evidence, Gather};
 pub(crate) use held_out::HELD_OUT;
 pub use held_out::HeldOut;
 pub(crate) use rest::RARE;
-pub(crate) use screen::by_chance;
+pub(crate) use screen::{ALIKE_COSINE, by_chance};
 pub use screen::{Score, Screening};
+pub use second::Second;
 pub use signature::Signature;
 pub(crate) use verdict::{ALIKE, FITTED};
 pub use verdict::{Candidate, Judge, Verdict, VerdictName};
@@ -82,6 +91,8 @@ pub struct Discovery {
     pub verdict: Verdict,
     /// All tests.
     pub screening: Screening,
+    /// Moduli pose by pose.
+    pub drift: Drift,
     /// The error budget.
     pub budget: Budget,
     /// Where residuals without an effect are larger than errors leave, moduli refitted.
@@ -97,6 +108,7 @@ impl Artifact for Discovery {
         let mut file = hdf5::Writer::create(path)?;
         file.put_json("verdict", &self.verdict, "the answer")?;
         file.put_json("screening", &self.screening, "score of each effect")?;
+        file.put_json("drift", &self.drift, "moduli (kPa) that each seen pose asks for")?;
         file.put_json("budget", &self.budget, "error budget (mm)")?;
         file.put_json("clusters", &self.clusters, "places of significant residuals")?;
         let names: Vec<String> = self.gaps.iter().map(|gap| gap.pose.clone()).collect();
@@ -135,6 +147,7 @@ impl Artifact for Discovery {
         Ok(Self {
             verdict: file.json("verdict")?,
             screening: file.json("screening")?,
+            drift: file.json("drift")?,
             budget: file.json("budget")?,
             clusters: file.json("clusters")?,
             gaps,
@@ -147,7 +160,7 @@ type Input = (Evidence, evidence::Input);
 
 impl Stage for Discover {
     const NAME: &'static str = "discover";
-    const VERSION: u32 = 10;
+    const VERSION: u32 = 11;
     const METHODS: &'static str = "Residuals were weighed with the covariance of the errors of segmentation, registration, \
          chest wall and mesh. A score test asked for each effect of the library whether what the \
          moduli do not absorb of its signature is in the residuals; the threshold is the 99 % quantile \
@@ -217,6 +230,7 @@ impl Stage for Discover {
         };
         Ok(Discovery {
             gaps: evidence.poses.iter().enumerate().map(gap).collect(),
+            drift: judge.drift(),
             budget: evidence.budget,
             clusters: clusters::clusters(&judge, evidence, &mesh.anatomy, &without.residual),
             verdict,

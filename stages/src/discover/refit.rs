@@ -1,7 +1,11 @@
 //! Fit of the moduli, with or without one effect: linear, or Gauss-Newton with Broyden's updates.
 
 use super::{
-    budget::Whitener, evidence::Evidence, observe, signature::Projector, variation::SMALL_MODULUS,
+    budget::Whitener,
+    evidence::Evidence,
+    observe,
+    signature::{Projector, beyond},
+    variation::SMALL_MODULUS,
 };
 use crate::{
     calibrate::{Experiment, Fit},
@@ -44,6 +48,8 @@ pub(super) struct Fitted {
     pub amplitude: f64,
     /// Standard deviation of the amplitude, linearised.
     pub amplitude_sd: f64,
+    /// By how many of these the amplitude would go beyond its plausible range.
+    pub beyond: f64,
     /// Squared norm of the whitened residuals of the seen poses.
     pub misfit: f64,
 }
@@ -65,13 +71,14 @@ pub(super) fn linear(
     let slopes = evidence.slopes();
     let by_moduli: Vec<DVector<f64>> = slopes.into_iter().map(seen_part).collect();
     let mut rest = residual.clone();
-    let (mut amplitude, mut amplitude_sd) = (0.0, f64::NAN);
+    let (mut amplitude, mut amplitude_sd, mut beyond) = (0.0, f64::NAN, 0.0);
     if let Some(signature) = effect.map(|k| &evidence.signatures[k]) {
         let projector = Projector::new(whitener, &by_moduli);
         let (left, _) = projector.surviving(&seen_part(residual));
         let explained = projector.explain(&signature.of(seen_part), &left);
         (amplitude, _) = explained.best();
         amplitude_sd = 1.0 / explained.rate(amplitude).max(f64::MIN_POSITIVE);
+        beyond = explained.beyond(amplitude);
         rest += signature.change(amplitude);
     }
     let columns: Vec<DVector<f64>> = by_moduli.iter().map(|v| whitener.whiten(v)).collect();
@@ -89,6 +96,7 @@ pub(super) fn linear(
         moduli,
         amplitude,
         amplitude_sd,
+        beyond,
     }
 }
 
@@ -176,7 +184,12 @@ impl Refit<'_> {
                 next[2] = next[2].clamp(least, greatest);
             }
         }
+        let out = place.and_then(|k| {
+            let step = least_squares(&jacobian, &at.seen)?[2] / deviation(&jacobian);
+            Some(beyond(signatures[k].effect.amplitude.range, at.unknowns[2], step))
+        });
         let best = Fitted {
+            beyond: out.unwrap_or(0.0),
             misfit: at.misfit(),
             moduli: at.fit.moduli,
             amplitude: if effect.is_some() { at.unknowns[2] } else { 0.0 },

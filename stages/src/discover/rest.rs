@@ -84,7 +84,7 @@ impl Rest {
 
 /// The value that the sum of `count` squares of normal numbers, whose means have the squared sum `noncentral`, exceeds
 /// once in a thousand times (Patnaik, *Biometrika* 36 (1949) 202; Wilson & Hilferty, *PNAS* 17 (1931) 684).
-fn rare(count: f64, noncentral: f64) -> f64 {
+pub(super) fn rare(count: f64, noncentral: f64) -> f64 {
     let (mean, spread) = (count + noncentral, count + 2.0 * noncentral);
     let freedom = mean * mean / spread;
     let third = 2.0 / (9.0 * freedom);

@@ -13,6 +13,9 @@ const ALPHA: f64 = 0.01;
 const DRAWS: usize = 20_000;
 const SEED: u64 = 0x5c0e;
 
+/// Changes with a larger cosine are one to the data.
+pub(crate) const ALIKE_COSINE: f64 = 0.95;
+
 /// One effect, tested.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Score {
@@ -89,6 +92,18 @@ impl Screening {
             }
         };
         Self { scores: all.iter().map(|&k| score(k)).collect(), limit, cosines }
+    }
+
+    /// Effects that show and whose change these data do not tell from that of an effect.
+    pub fn alike(&self, effect: &str) -> Vec<String> {
+        let Some(place) = self.scores.iter().position(|score| score.effect == effect) else {
+            return Vec::new();
+        };
+        let row = self.scores.iter().zip(&self.cosines[place]);
+        row.filter(|(score, _)| score.effect != effect && score.testable && score.z > 0.0)
+            .filter(|(_, cosine)| cosine.abs() > ALIKE_COSINE)
+            .map(|(score, _)| score.effect.clone())
+            .collect()
     }
 
     /// Scores, the largest first.

@@ -157,6 +157,19 @@ pub(super) struct Explained {
     reach: f64,
 }
 
+/// How far a step (any unit) leads out of a range from an amplitude at its end; zero elsewhere.
+pub(super) fn beyond([least, greatest]: [f64; 2], amplitude: f64, step: f64) -> f64 {
+    let near = 1e-6 * (greatest - least);
+    let out = if amplitude > greatest - near {
+        step
+    } else if amplitude < least + near {
+        -step
+    } else {
+        0.0
+    };
+    out.max(0.0)
+}
+
 /// Amplitudes that are tried, and refinements of the best.
 const TRIED: usize = 200;
 const REFINED: usize = 40;
@@ -180,6 +193,18 @@ impl Explained {
     fn gain(&self, amplitude: f64) -> f64 {
         let b = bent(amplitude, self.reach);
         -2.0 * (amplitude * self.rest[0] + b * self.rest[1]) - self.size(amplitude).powi(2)
+    }
+
+    /// By how many of its standard deviations an amplitude at the end of the plausible range would go beyond it; zero
+    /// elsewhere.
+    pub fn beyond(&self, amplitude: f64) -> f64 {
+        let (a, b) = (amplitude, bent(amplitude, self.reach));
+        let slope = bent_rate(amplitude, self.reach);
+        let [own, mixed, curve] = self.products;
+        // Half of the derivative of the gain.
+        let pull = -(self.rest[0] + slope * self.rest[1])
+            - (a * own + (b + a * slope) * mixed + b * slope * curve);
+        beyond(self.range, amplitude, pull / self.rate(amplitude).max(f64::MIN_POSITIVE))
     }
 
     /// The plausible amplitude that explains most, and its gain.
@@ -289,6 +314,15 @@ mod tests {
                 assert!((explained.rate(amplitude) - change.norm() / step).abs() < 1e-4);
             }
         }
+        // Data of more than is plausible: by how much, in standard deviations.
+        let [_, greatest] = signature.effect.amplitude.range;
+        let rest = -signature.change(1.1 * greatest);
+        let explained = projector.explain(&signature, &rest);
+        let (found, _) = explained.best();
+        assert!((found - greatest).abs() < 1e-9);
+        let out = 0.1 * greatest * explained.rate(greatest);
+        assert!((explained.beyond(found) / out - 1.0).abs() < 1e-6);
+        assert_eq!(explained.beyond(0.5), 0.0);
         assert_eq!(projector.explain(&signature, &DVector::zeros(3)).best(), (0.0, 0.0));
         assert_eq!(projector.explain(&signature, &saturating(0.5)).best().0, 0.0);
         let explained = projector.explain(&signature, &DVector::zeros(3));

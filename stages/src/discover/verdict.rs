@@ -1,13 +1,16 @@
 //! The answer, and what it rests on.
 
 use super::{
+    artefacts::REGISTRATION,
     budget::Whitener,
+    drift::Drift,
     evidence::Evidence,
     held_out::{HeldOut, Weights},
     observe::{leftover, part},
     refit::{Fitted, linear},
     rest::Rest,
     screen::Screening,
+    second::{Second, Seen},
     signature::{Projector, Signature},
 };
 use crate::effects::Effect;
@@ -40,6 +43,8 @@ pub struct Candidate {
     pub effect: String,
     /// Fitted amplitude and its standard deviation.
     pub amplitude: [f64; 2],
+    /// By how many standard deviations the fit would go beyond the plausible range.
+    pub beyond: f64,
     /// Fall of the misfit of the seen poses (squared standard deviations).
     pub gain: f64,
     /// Fitted moduli (kPa), right and left.
@@ -67,6 +72,8 @@ pub struct Verdict {
     pub not_testable: Vec<String>,
     /// Fitted effects, the best first.
     pub candidates: Vec<Candidate>,
+    /// What the best of them leaves, where another effect explains it.
+    pub second: Option<Second>,
 }
 
 impl Verdict {
@@ -87,6 +94,9 @@ pub(crate) const ALIKE: f64 = 4.0;
 const MISPLACED_MM: f64 = 4.0;
 /// Share of effects without a signature that spoils a verdict.
 const FAILED: f64 = 0.1;
+
+/// A fit that would go beyond the plausible range by so many standard deviations explains nothing.
+const IMPLAUSIBLE: f64 = 2.0;
 
 /// Effects that are fitted after the screening.
 pub(crate) const FITTED: usize = 3;
@@ -153,6 +163,11 @@ impl<'a> Judge<'a> {
         let signatures: Vec<Signature> = self.evidence.signatures.iter().map(seen).collect();
         let systematic = self.evidence.budget.systematic();
         Screening::new(&self.projector(), &self.seen(residual), &signatures, systematic)
+    }
+
+    /// Moduli pose by pose, of the poses that the search sees.
+    pub fn drift(&self) -> Drift {
+        Drift::of(self.evidence, &self.whitener, &self.seen, &self.evidence.residual)
     }
 
     /// What the moduli leave of the seen residuals.
@@ -224,6 +239,7 @@ impl<'a> Judge<'a> {
             weight: 0.0,
             reason: String::new(),
             not_testable: not_testable.map(|s| s.effect.clone()).collect(),
+            second: self.second(screening, &candidates, with),
             candidates,
         };
         self.decide(&mut verdict, screening, &without.residual);
@@ -279,7 +295,7 @@ impl<'a> Judge<'a> {
             let off = (rigid.norm_squared() / rigid.len().max(1) as f64).sqrt();
             if off > MISPLACED_MM {
                 verdict.verdict = VerdictName::MeasurementArtifact;
-                verdict.effect = Some("registration".into());
+                verdict.effect = Some(REGISTRATION.into());
                 verdict.reason = format!("a pose lies {off:.1} mm off as a whole");
                 return;
             }
@@ -320,23 +336,34 @@ impl<'a> Judge<'a> {
             .collect();
         verdict.weight = weights[0] / weights.iter().sum::<f64>();
         let z = best.held_out.z;
+        let completed = verdict.second.as_ref().is_some_and(Second::completes);
         let mut set = names(&better);
+        if !better.is_empty() {
+            let fitted = |name: &String| verdict.candidates.iter().any(|c| c.effect == *name);
+            set.extend(screening.alike(&best.effect).into_iter().filter(|name| !fitted(name)));
+        }
         (verdict.verdict, verdict.reason) = if best.gain < limit * limit {
             set.clear();
             unexplained(format!(
                 "fitted together with the moduli, {} explains no more than chance",
                 best.effect
             ))
-        } else if let Some(rest) = rest(best.left) {
+        } else if let Some(rest) = rest(best.left).filter(|_| !completed) {
             (
                 VerdictName::Unknown,
                 format!("{} explains most of the library, but {rest}", best.effect),
             )
+        } else if best.beyond > IMPLAUSIBLE {
+            let (name, far) = (&best.effect, best.beyond);
+            let reason = format!(
+                "{name} would have to be more than is plausible, by {far:.1} standard deviations"
+            );
+            (VerdictName::Unknown, reason)
         } else if best.held_out.refutes() {
             let loss = -best.held_out.fall / best.held_out.fall_error;
             let reason = format!("{} makes the held-out pose worse by {loss:.1} s.e.", best.effect);
             (VerdictName::Unknown, reason)
-        } else if better.len() > 1 && confirmed {
+        } else if set.len() > 1 && confirmed {
             (VerdictName::Ambiguous, format!("{} explain the data alike", set.join(" and ")))
         } else if best.held_out.confirms() {
             let reason = format!("{z:.1} s.e. of what it foretells are in the held-out pose");
@@ -352,7 +379,34 @@ impl<'a> Judge<'a> {
         if matches!(verdict.verdict, VerdictName::Named | VerdictName::InsufficientData) {
             verdict.effect = Some(best.effect.clone());
         }
+        if let (Some(second), VerdictName::Named | VerdictName::Ambiguous) =
+            (&verdict.second, verdict.verdict)
+        {
+            let Second { effect, z, limit, .. } = second;
+            verdict.reason += &format!(
+                "; beside it {effect} has a score of {z:.1} (limit {limit:.1}): ask the study with the first once more"
+            );
+        }
         verdict.set = set;
+    }
+
+    /// The second effect, beside the best candidate.
+    fn second(
+        &self,
+        screening: &Screening,
+        candidates: &[Candidate],
+        with: &[(usize, Fitted)],
+    ) -> Option<Second> {
+        let name = &candidates.first()?.effect;
+        let of_best = |(k, _): &&(usize, Fitted)| self.evidence.signatures[*k].effect.name == name;
+        let (place, found) = with.iter().find(of_best)?;
+        let seen = Seen {
+            evidence: self.evidence,
+            whitener: &self.whitener,
+            rest: &self.rest,
+            of: &|all| self.seen(all),
+        };
+        seen.second(*place, found, &screening.alike(name))
     }
 
     fn candidate(&self, place: usize, found: &Fitted, without: &Fitted) -> Candidate {
@@ -361,6 +415,7 @@ impl<'a> Judge<'a> {
         Candidate {
             effect: signature.effect.name.into(),
             amplitude: [found.amplitude, found.amplitude_sd],
+            beyond: found.beyond,
             gain: without.misfit - found.misfit,
             moduli_kpa: [found.moduli.right_kpa, found.moduli.left_kpa],
             held_out: self.weights.judge(&without.residual, &found.residual, rms_mm),

@@ -18,6 +18,7 @@ mod lateral_ligament;
 mod left_right;
 mod limit_chain;
 mod pectoral_shift;
+mod skin_limit;
 mod skin_prestress;
 mod skin_region;
 mod skin_thickness;
@@ -29,7 +30,7 @@ use std::collections::BTreeMap;
 
 /// All effects, in the order in which they are listed. The study's reader knows their names as
 /// [`mammotwin_data::study::EFFECTS`]; a test keeps the two alike.
-pub const EFFECTS: [&Effect; 18] = [
+pub const EFFECTS: [&Effect; 19] = [
     &limit_chain::EFFECT,
     &fascia_limit::EFFECT,
     &cranial_ligament::EFFECT,
@@ -38,6 +39,7 @@ pub const EFFECTS: [&Effect; 18] = [
     &skin_region::EFFECT,
     &skin_thickness::EFFECT,
     &skin_prestress::EFFECT,
+    &skin_limit::EFFECT,
     &gland_inclusion::EFFECT,
     &compressible::EFFECT,
     &cooper_anisotropy::EFFECT,

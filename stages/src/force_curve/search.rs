@@ -5,7 +5,10 @@ use super::{
     record::Record,
     smooth::shapes,
 };
-use crate::span::{orthonormal, without};
+use crate::{
+    discover::ALIKE_COSINE,
+    span::{orthonormal, without},
+};
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -21,8 +24,6 @@ const SEED: u64 = 0x00c0_43e5;
 const TRIED: usize = 40;
 /// Refinements of the best one.
 const REFINED: usize = 12;
-/// Effects whose changes have a larger cosine are one to these data.
-pub const ALIKE_COSINE: f64 = 0.95;
 
 /// One effect, tested.
 #[derive(Debug, Clone, PartialEq, Serialize)]

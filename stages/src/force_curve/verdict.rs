@@ -4,9 +4,9 @@ use super::{
     evidence::{Evidence, HeldOut, Parameters},
     library::CurveEffect,
     record::Record,
-    search::{ALIKE_COSINE, CurveScore, CurveScreening, Fitted, refit, screen},
+    search::{CurveScore, CurveScreening, Fitted, refit, screen},
 };
-use crate::discover::{ALIKE, FITTED, HELD_OUT, RARE, VerdictName};
+use crate::discover::{ALIKE, ALIKE_COSINE, FITTED, HELD_OUT, RARE, VerdictName};
 use serde::Serialize;
 
 /// Fewest forces that are seen: fewer tell no shape from offset and stiffness.

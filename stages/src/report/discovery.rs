@@ -9,7 +9,7 @@ use super::{
     surface::Camera,
 };
 use crate::{
-    discover::{Candidate, Cluster, Discovery, PoseGap, VerdictName},
+    discover::{Candidate, Cluster, Discovery, Drift, PoseGap, PoseModuli, VerdictName},
     effects::Effect,
 };
 use mammotwin_data::{Failure, surface::TriMesh};
@@ -36,7 +36,7 @@ pub fn render(
     added: Option<&Added>,
     methods: &[&str],
 ) -> Result<String, Failure> {
-    let Discovery { verdict, screening, budget, clusters, gaps } = found;
+    let Discovery { verdict, screening, drift, budget, clusters, gaps } = found;
     let best = verdict.chosen();
     let shown = best.filter(|_| verdict.effect.is_some() || !verdict.set.is_empty());
     let effect = shown.and_then(|best| Effect::named(&best.effect));
@@ -135,6 +135,9 @@ pub fn render(
         clusters => clusters.iter().take(MOST_CLUSTERS).map(cluster).collect::<Vec<_>>(),
         more_clusters => clusters.len().saturating_sub(MOST_CLUSTERS),
         force => force,
+        drift => drift.poses.iter().map(moduli).collect::<Vec<_>>(),
+        apart => apart(drift),
+        systematic => format!("{:.1}", budget.systematic()),
         limit => format!("{:.1}", screening.limit),
         bars => bars,
         candidates => verdict.candidates.iter().map(candidate).collect::<Vec<_>>(),
@@ -148,6 +151,28 @@ pub fn render(
         .add_template("discovery.html", include_str!("discovery.html"))
         .and_then(|()| environment.get_template("discovery.html")?.render(page))
         .map_err(|cause| Failure::BadInput(format!("discovery.html: {cause:#}")))
+}
+
+fn moduli(of: &PoseModuli) -> minijinja::Value {
+    let side = |n: usize| {
+        let [kpa, deviation] = [of.moduli_kpa[n], of.moduli_kpa[n] * of.log_error[n]];
+        format!("{kpa:.3} ± {deviation:.3}")
+    };
+    context! { pose => of.pose, right => side(0), left => side(1) }
+}
+
+/// What the moduli pose by pose say; nothing for one pose.
+fn apart(drift: &Drift) -> Option<String> {
+    let limit = drift.limit?;
+    let fall = drift.fall;
+    let numbers = format!(
+        "the squared misfit falls by {fall:.0}, errors make it fall by {limit:.0} once in a thousand times"
+    );
+    Some(if drift.differs() {
+        format!("No moduli fit all of them: {numbers}.")
+    } else {
+        format!("They do not contradict each other: {numbers}.")
+    })
 }
 
 /// Clusters that the page lists.

@@ -14,7 +14,7 @@ use mammotwin_data::{
 };
 use mammotwin_stages::{
     discover::{Discovery, Evidence},
-    effects::{EFFECTS, Effect},
+    effects::Effect,
     volunteer::{PoseName, Settings},
 };
 use std::{fs, path::PathBuf};
@@ -42,6 +42,8 @@ pub struct Case {
     pub sigma: f64,
     /// How she is measured.
     pub kind: Kind,
+    /// The effects that are asked for.
+    pub library: Vec<&'static Effect>,
     /// Edges of her voxels (mm); `None` for the preset's.
     pub voxel_mm: Option<[f64; 3]>,
     /// Edges of the elements of the truth (mm); `None` for the preset's.
@@ -99,8 +101,9 @@ impl Case {
         let options = Options { until: vec![stage.into()], ..Options::default() };
         let display = Display::new();
         let drive = Drive { store, base, options: &options, listener: &display };
-        let pass =
-            store::execute(&drive, |run| graph::discover(study, HELD_OUT.name(), &EFFECTS, run))?;
+        let pass = store::execute(&drive, |run| {
+            graph::discover(study, HELD_OUT.name(), &self.library, run)
+        })?;
         pick(pass.outcome).load()
     }
 

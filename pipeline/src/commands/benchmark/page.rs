@@ -15,14 +15,14 @@ use std::{collections::BTreeMap, fmt::Write};
 /// All verdicts, one a line.
 pub fn csv(results: &Results) -> String {
     let mut text = String::from(
-        "tier,seed,hidden,sigma,verdict,ranked,set,weight,amplitude_over_truth,shrink\n",
+        "tier,seed,hidden,sigma,verdict,ranked,set,weight,amplitude_over_truth,covered,shrink,held_out_change_mm\n",
     );
     for trial in &results.trials {
         let number = |value: Option<f64>| value.map(|v| format!("{v:.4}")).unwrap_or_default();
         // Writing to a string does not fail.
         let _ = writeln!(
             text,
-            "{},{},{},{},{},{},{},{:.4},{},{}",
+            "{},{},{},{},{},{},{},{:.4},{},{},{},{}",
             tier(trial.tier),
             trial.seed,
             trial.truth.unwrap_or_default(),
@@ -32,11 +32,16 @@ pub fn csv(results: &Results) -> String {
             trial.set.join(" "),
             trial.weight,
             number(trial.amplitude),
-            number(trial.shrink)
+            trial.covered.map(|covered| covered.to_string()).unwrap_or_default(),
+            number(trial.shrink),
+            number(trial.held_out_mm)
         );
     }
     text
 }
+
+/// Change (mm) of the held-out pose's distance that counts as none.
+const STILL_MM: f64 = 0.1;
 
 /// The page.
 pub fn markdown(results: &Results, arguments: &BenchmarkArguments) -> String {
@@ -49,10 +54,11 @@ pub fn markdown(results: &Results, arguments: &BenchmarkArguments) -> String {
         false => format!(" --voxel-mm {}", voxel_mm.join(",")),
     };
     let truth = arguments.truth_mm.map_or(String::new(), |mm| format!(" --truth-mm {mm}"));
-    let effects = match arguments.effects.is_empty() {
+    let named = |option: &str, effects: &[String]| match effects.is_empty() {
         true => String::new(),
-        false => format!(" --effects {}", arguments.effects.join(",")),
+        false => format!(" --{option} {}", effects.join(",")),
     };
+    let effects = named("effects", &arguments.effects) + &named("library", &arguments.library);
     let _ = writeln!(
         text,
         "# What `discover` finds of what was hidden\n\n\
@@ -157,11 +163,28 @@ fn targets(text: &mut String, results: &Results) {
         let count = errors.len();
         let measure = format!("error of the amplitude after the refit, {sigma} σ, median");
         line(&measure, median(errors).map(percent), aim, count);
+        // Where the effect was found and is among what was fitted.
+        let fitted: Vec<&Trial> =
+            trials.iter().copied().filter(|t| t.detected() && t.covered.is_some()).collect();
+        let holds = share(&fitted, |t| t.covered == Some(true)).map(percent);
+        let measure = format!("90 % interval of the amplitude holds the truth, {sigma} σ");
+        line(&measure, holds, "85 – 95 %", fitted.len());
     }
     let named: Vec<&Trial> = found.iter().copied().filter(|t| t.names_physics()).collect();
     let shrinks: Vec<f64> = named.iter().filter_map(|t| t.shrink).collect();
     let count = shrinks.len();
     line("held-out gap closed, median", median(shrinks).map(percent), "≥ 70 %", count);
+    let worse = |t: &Trial| t.held_out_mm.is_some_and(|mm| mm > 0.0);
+    line(
+        "named, held-out pose farther off",
+        share(&named, worse).map(percent),
+        "never",
+        named.len(),
+    );
+    let nothing: Vec<&Trial> = null.iter().copied().filter(|t| t.held_out_mm.is_some()).collect();
+    let still = |t: &Trial| t.held_out_mm.is_some_and(|mm| mm.abs() <= STILL_MM);
+    let measure = "nothing hidden: best effect moves the held-out pose by 0.1 mm at most";
+    line(measure, share(&nothing, still).map(percent), "all", nothing.len());
     let error = results.calibration_error();
     line(
         "expected calibration error of the weight",

@@ -2,6 +2,9 @@
 
 use mammotwin_stages::discover::{Budget, Evidence, Verdict, VerdictName};
 
+/// Half of a 90 % interval of a normal number, in standard deviations.
+const NINETY: f64 = 1.645;
+
 /// Kinds of trials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Tier {
@@ -40,6 +43,10 @@ pub struct Trial {
     pub weight: f64,
     /// Fitted over hidden amplitude, when the right effect was fitted.
     pub amplitude: Option<f64>,
+    /// Whether the 90 % interval of its amplitude holds the hidden one.
+    pub covered: Option<bool>,
+    /// Root mean square (mm) of the held-out pose with less that without the best effect.
+    pub held_out_mm: Option<f64>,
     /// Part of the held-out gap above the floor that the best effect closes.
     pub shrink: Option<f64>,
 }
@@ -55,8 +62,10 @@ impl Trial {
     ) -> Self {
         let of_truth = truth.and_then(|(name, amplitude)| {
             let fitted = verdict.candidates.iter().find(|c| c.effect == name)?;
-            Some(fitted.amplitude[0] / amplitude)
+            Some((fitted.amplitude, amplitude))
         });
+        let covered = of_truth
+            .map(|([found, deviation], hidden)| (found - hidden).abs() < NINETY * deviation);
         let shrink = verdict.chosen().and_then(|best| {
             let gap = best.held_out.before_mm - best.held_out.floor_mm;
             (gap > 0.0).then(|| (best.held_out.before_mm - best.held_out.after_mm) / gap)
@@ -70,7 +79,11 @@ impl Trial {
             ranked: verdict.candidates.iter().map(|c| c.effect.clone()).collect(),
             set: verdict.set.clone(),
             weight: verdict.weight,
-            amplitude: of_truth,
+            amplitude: of_truth.map(|([found, _], hidden)| found / hidden),
+            covered,
+            held_out_mm: verdict
+                .chosen()
+                .map(|best| best.held_out.after_mm - best.held_out.before_mm),
             shrink,
         }
     }
