@@ -70,6 +70,16 @@ def test_root_mean_squares_are_those_of_the_distances_without_a_rigid_motion(fou
         assert gap.floor_mm > 0.0
 
 
+def test_moduli_pose_by_pose_are_near_the_fitted_ones(found):
+    seen = {pose.pose for pose in found.pose_moduli}
+    assert seen < set(found.gaps) and len(seen) == len(found.gaps) - 1
+    for pose in found.pose_moduli:
+        assert pose.right_kpa > 0.0 and pose.right_log_error > 0.0
+    if found.second is not None:
+        assert found.second.effect != found.candidates[0].effect
+        assert found.second.z > found.second.limit
+
+
 def test_gaps_are_drawn(found):
     pytest.importorskip("matplotlib").use("Agg")
     for gap in found.gaps.values():

@@ -48,6 +48,31 @@ class Candidate:
     held_out_floor_mm: float
     #: How much of the change that the effect foretells is in the held-out pose (standard errors; without it 0 ± 1).
     held_out_z: float
+    #: By how many standard deviations the fit would go beyond the plausible range.
+    beyond: float
+
+
+@dataclass(frozen=True)
+class Second:
+    """What explains more than chance of what the best effect leaves."""
+
+    effect: str
+    #: Score (standard deviations) beside the first, and what chance exceeds once in a hundred times.
+    z: float
+    limit: float
+    #: To first order in moduli and the first effect.
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class PoseModuli:
+    """Young's moduli (kPa) that one pose alone asks for, and the deviations of their logarithms."""
+
+    pose: str
+    right_kpa: float
+    left_kpa: float
+    right_log_error: float
+    left_log_error: float
 
 
 @dataclass(frozen=True)
@@ -118,9 +143,24 @@ class Discovery(OpenFile):
                 held["after_mm"],
                 held["floor_mm"],
                 held["z"],
+                found["beyond"],
             )
 
         return [one(found) for found in self._verdict["candidates"]]
+
+    @property
+    def second(self) -> Second | None:
+        """A second effect beside the best one, where there is one."""
+        found = self._verdict["second"]
+        if found is None:
+            return None
+        return Second(found["effect"], found["z"], found["limit"], found["amplitude"])
+
+    @cached_property
+    def pose_moduli(self) -> list[PoseModuli]:
+        """Moduli that each pose of the search asks for alone (linear)."""
+        poses = self._root.json("drift")["poses"]
+        return [PoseModuli(pose["pose"], *pose["moduli_kpa"], *pose["log_error"]) for pose in poses]
 
     @cached_property
     def limit(self) -> float:
