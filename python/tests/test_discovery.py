@@ -70,6 +70,12 @@ def test_root_mean_squares_are_those_of_the_distances_without_a_rigid_motion(fou
         assert gap.floor_mm > 0.0
 
 
+def test_nothing_is_named_where_nothing_is_hidden(found):
+    if not os.environ.get("MAMMOTWIN_NOTHING_HIDDEN"):
+        pytest.skip("set MAMMOTWIN_NOTHING_HIDDEN for a volunteer who hides nothing")
+    assert found.verdict not in {"named", "ambiguous"}, found.reason
+
+
 def test_moduli_pose_by_pose_are_near_the_fitted_ones(found):
     seen = {pose.pose for pose in found.pose_moduli}
     assert seen < set(found.gaps) and len(seen) == len(found.gaps) - 1

@@ -10,7 +10,7 @@ the frame of the reference pose unless something else is said. Names end in thei
 
 from .calibration import Calibration, Moduli
 from .compression import Compression
-from .discovery import Candidate, Discovery, Gap, Score, open_discovery
+from .discovery import Candidate, Discovery, Gap, PoseModuli, Score, Second, open_discovery
 from .errors import MammotwinError, MissingError, NotResultsError, OptionalPackageError, SchemaError
 from .fields import Field
 from .folder import StageRecord
@@ -44,6 +44,7 @@ __all__ = [
     "OptionalPackageError",
     "Pose",
     "PoseFit",
+    "PoseModuli",
     "Radiograph",
     "Region",
     "Registration",
@@ -51,6 +52,7 @@ __all__ = [
     "RigidTransform",
     "SchemaError",
     "Score",
+    "Second",
     "Site",
     "StageRecord",
     "State",

@@ -4,7 +4,7 @@
 use super::{
     Fact, SurfaceMap,
     chart::{self, Axis, Chart, Line},
-    html::{map, significant},
+    html::{map_over, significant},
     palette::Palette,
     surface::Camera,
 };
@@ -63,7 +63,8 @@ pub fn render(
     };
     let surfaces = distances(gaps, held_out)?;
     let mut maps = Vec::new();
-    for [without, with] in &surfaces {
+    for (floor_mm, [without, with]) in &surfaces {
+        let map = |surface| map_over(surface, Some(TWICE * floor_mm));
         maps.push([map(without)?, map(with)?]);
     }
     let force = added.and_then(|added| added.force.as_ref()).map(|curves| {
@@ -175,6 +176,8 @@ fn apart(drift: &Drift) -> Option<String> {
     })
 }
 
+/// Standard deviations of what errors leave that the line under a scale is wide to either side.
+const TWICE: f64 = 2.0;
 /// Clusters that the page lists.
 const MOST_CLUSTERS: usize = 12;
 
@@ -262,8 +265,8 @@ fn rows(gaps: &[PoseGap], added: Option<&Added>) -> Vec<minijinja::Value> {
         .collect()
 }
 
-/// Distances without and with the effect, all on one scale; the held-out pose first.
-fn distances(gaps: &[PoseGap], held_out: &str) -> Result<Vec<[SurfaceMap; 2]>, Failure> {
+/// Distances without and with the effect, all on one scale, and what errors alone leave (mm); the held-out pose first.
+fn distances(gaps: &[PoseGap], held_out: &str) -> Result<Vec<(f64, [SurfaceMap; 2])>, Failure> {
     let mut order: Vec<&PoseGap> = gaps.iter().collect();
     order.sort_by_key(|gap| gap.pose != held_out);
     let all: Vec<f64> =
@@ -290,10 +293,9 @@ fn distances(gaps: &[PoseGap], held_out: &str) -> Result<Vec<[SurfaceMap; 2]>, F
         })
     };
     let pair = |gap: &PoseGap| {
-        Ok([
-            map(gap, "without", &gap.skin[0], &gap.before_mm)?,
-            map(gap, "with", &gap.skin[1], &gap.after_mm)?,
-        ])
+        let [_, _, floor_mm] = gap.rms_mm;
+        let without = map(gap, "without", &gap.skin[0], &gap.before_mm)?;
+        Ok((floor_mm, [without, map(gap, "with", &gap.skin[1], &gap.after_mm)?]))
     };
     order.into_iter().map(pair).collect()
 }

@@ -123,7 +123,12 @@ fn maps(surfaces: &[SurfaceMap]) -> Result<Vec<Figure<'_>>, Failure> {
 }
 
 /// Views of a surface and their scale.
-pub(super) fn map(map: &SurfaceMap) -> Result<Figure<'_>, Failure> {
+fn map(map: &SurfaceMap) -> Result<Figure<'_>, Failure> {
+    map_over(map, None)
+}
+
+/// The same; a line under the scale is as wide as what errors alone leave, from minus to plus `floor`.
+pub(super) fn map_over(map: &SurfaceMap, floor: Option<f64>) -> Result<Figure<'_>, Failure> {
     let SurfaceMap { title, caption, surface, values, palette, .. } = map;
     if values.len() != surface.points.len() {
         let (values, points) = (values.len(), surface.points.len());
@@ -145,22 +150,30 @@ pub(super) fn map(map: &SurfaceMap) -> Result<Figure<'_>, Failure> {
         )
     };
     let views: String = map.cameras.iter().map(view).collect();
-    let scale = scale(*palette, range, &format!("{}; bar: {BAR_MM} mm", map.label));
+    let scale = scale(*palette, range, &format!("{}; bar: {BAR_MM} mm", map.label), floor);
     let body = format!("<div class=\"views\">{views}</div>{scale}");
     Ok(Figure { title, caption, body })
 }
 
 /// A colour scale with five numbers.
-fn scale(palette: Palette, [low, high]: [f64; 2], label: &str) -> String {
+fn scale(palette: Palette, [low, high]: [f64; 2], label: &str, floor: Option<f64>) -> String {
     let colors: Vec<String> =
         palette.stops().iter().map(|[r, g, b]| format!("rgb({r},{g},{b})")).collect();
     let ticks: String = (0..5)
         .map(|n| low + (high - low) * f64::from(n) / 4.0)
         .map(|value| format!("<span>{}</span>", significant(value)))
         .collect();
+    let percent = |value: f64| 100.0 * ((value - low) / (high - low)).clamp(0.0, 1.0);
+    let line = floor.filter(|_| high > low).map_or(String::new(), |floor| {
+        let (from, to) = (percent(-floor), percent(floor));
+        format!(
+            "<div class=\"floor\" style=\"margin-left:{from:.1}%;width:{:.1}%\"></div>",
+            to - from
+        )
+    });
     format!(
         "<div class=\"scale\"><div class=\"ramp\" style=\"background:linear-gradient(to right,{})\">\
-         </div><div class=\"ticks\">{ticks}</div><small>{}</small></div>",
+         </div>{line}<div class=\"ticks\">{ticks}</div><small>{}</small></div>",
         colors.join(","),
         escaped(label)
     )

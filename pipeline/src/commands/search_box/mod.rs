@@ -47,7 +47,8 @@ impl Done {
     }
 }
 
-const VERSION: &str = env!("CARGO_PKG_VERSION");
+/// Program and way of solving: raised whenever the solver steps or ends otherwise, so that no older run is kept.
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), ", solver 2");
 
 /// Computes the runs that are missing, and writes `runs.csv`, `search-box.md` and `search-box.svg`.
 pub fn search_box(arguments: &SearchBoxArguments) -> Result<(), Failure> {
