@@ -8,7 +8,7 @@ pub use leaps::Leap;
 pub use paddle::from_cad;
 
 use crate::{
-    calibrate::Calibration,
+    calibrate::{Calibration, Fit},
     load_steps::{self, LoadStep},
     mesh::BreastMesh,
     model::Body,
@@ -190,16 +190,16 @@ impl Stage for Compress {
         progress: &dyn Progress,
     ) -> Result<Compression, Failure> {
         let body = Body { mesh: &whole.corners(), ..Body::new(whole, &self.model) };
-        let (rest, moduli) = (self.start(calibration)?, calibration.after.moduli);
+        let (rest, moduli) = (self.start(&calibration.after)?, calibration.after.moduli);
         self.press(&body, rest, moduli, cad.as_ref(), progress)
     }
 }
 
 impl Compress {
     /// Nodes of the shape that is taken for free of stress.
-    fn start<'a>(&self, calibration: &'a Calibration) -> Result<&'a [Vec3], Failure> {
-        let Some(name) = &self.plan.start_pose else { return Ok(&calibration.after.rest) };
-        let fit = calibration.after.poses.iter().find(|fit| fit.pose == *name);
+    pub(crate) fn start<'a>(&self, fit: &'a Fit) -> Result<&'a [Vec3], Failure> {
+        let Some(name) = &self.plan.start_pose else { return Ok(&fit.rest) };
+        let fit = fit.poses.iter().find(|fit| fit.pose == *name);
         fit.map(|fit| &fit.solution.points[..]).ok_or_else(|| {
             Failure::BadInput(format!("compress.start_pose: {name} was not simulated"))
         })

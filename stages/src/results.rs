@@ -6,7 +6,7 @@ mod compression;
 mod poses;
 
 pub use compression::Picture;
-pub use poses::PoseResult;
+pub use poses::{DRAWS, PoseResult};
 
 use crate::{calibrate::Calibration, compress::Compression};
 use mammotwin_data::{

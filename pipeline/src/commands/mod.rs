@@ -15,6 +15,7 @@ pub mod image_chain;
 pub mod inspect;
 pub mod keep;
 pub mod manual;
+pub mod map;
 pub mod projection;
 pub mod run;
 pub mod score;
@@ -55,6 +56,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Synth(arguments) => synth::synth(arguments),
         Command::Run(arguments) => run::run(arguments),
         Command::Report(arguments) => run::report(arguments),
+        Command::Map(arguments) => map::map(arguments),
         Command::Score(arguments) => score::score(arguments),
         Command::Status(arguments) => status::status(arguments),
         Command::Explain(arguments) => explain::explain(arguments),
