@@ -51,9 +51,7 @@ pub fn way(
     let law = CompressLaw { name: LawName::Gent, jm: Some(jm), ..plan.law };
     let stop = StopPlan {
         thickness_mm: Some(least - FARTHER_MM),
-        force_n: None,
-        mean_pressure_kpa: None,
-        peak_pressure_kpa: None,
+        ..StopPlan::default()
     };
     let label = format!("jm_{jm}_at_{distance_mm}mm").replace('.', "-");
     (label, CompressPlan { law, stop, chest_wall_distance_mm: distance_mm, ..plan.clone() })

@@ -17,7 +17,7 @@ use mammotwin_data::{
     progress::Silent,
     study::{
         CompressLaw, CompressPlan, Elements, LawConstants, LawName, MeshPlan, ModelPlan,
-        PaddleName, StopPlan, View,
+        PaddleName, ReceptorName, StopPlan, View,
     },
 };
 use mammotwin_solver::mesh::lattice::Placement;
@@ -118,6 +118,7 @@ impl Person {
             receptor_lift_mm: 0.0,
             start_pose: None,
             paddle: PaddleName::Rigid,
+            receptor: ReceptorName::Nipple,
             hinge: None,
             plate: None,
             curve: None,
