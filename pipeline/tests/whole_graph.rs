@@ -246,7 +246,11 @@ fn places_of_tissue_are_carried(study: &Path, truth: &Path) {
 
     for (arguments, code, says) in [
         (&["--from", "prone", "--point", "0,900,0"][..], 65, "mm outside of the meshed breasts"),
-        (&["--from", "sitting", "--point", "0,0,0"], 2, "there are: prone, supine, tilted, compressed"),
+        (
+            &["--from", "sitting", "--point", "0,0,0"],
+            2,
+            "there are: prone, supine, tilted, compressed",
+        ),
         (&["--from", "mammogram", "--pixel", "-9,0"], 2, "columns"),
         (&["--from", "prone", "--landmark", "nose"], 2, "there are: breast_"),
         (&["--from", "prone", "--point", "1,2"], 2, "give 3 numbers"),

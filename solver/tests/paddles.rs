@@ -204,7 +204,10 @@ fn the_first_limit_ends_a_compression_and_is_named() {
         })
         .collect();
     let around = chords.windows(2).find(|pair| pair[1][0] <= step.thickness_mm).unwrap();
-    println!("{:.2} mm, {gain:.1} mm/N: {:.2} mN/mm, chords {around:.2?}", step.thickness_mm, step.slope_mn_per_mm);
+    println!(
+        "{:.2} mm, {gain:.1} mm/N: {:.2} mN/mm, chords {around:.2?}",
+        step.thickness_mm, step.slope_mn_per_mm
+    );
     assert!(around[0][1] < step.slope_mn_per_mm && step.slope_mn_per_mm < around[1][1]);
     // Two at once: the stricter one.
     let both = Stops { peak_pressure_kpa: half(last.peak_pressure_kpa), ..force };

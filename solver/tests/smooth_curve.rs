@@ -58,13 +58,19 @@ fn measured(done: &Compressed, from_mm: f64) -> [f64; 2] {
     let held = done.steps.iter().filter(|step| step.thickness_mm <= from_mm);
     let curve: Vec<[f64; 2]> = held.map(|s| [s.thickness_mm, s.paddle_force_mn]).collect();
     let [rms, largest] = jitter(&slopes(&curve));
-    println!("{} states: jitter {:.2} %, largest {:.2} %", curve.len(), 100.0 * rms, 100.0 * largest);
+    println!(
+        "{} states: jitter {:.2} %, largest {:.2} %",
+        curve.len(),
+        100.0 * rms,
+        100.0 * largest
+    );
     [rms, largest]
 }
 
 #[test]
 fn a_parabola_has_no_jitter_and_a_zigzag_has_its_own() {
-    let smooth: Vec<f64> = (0..30).map(|n| 20.0 + 3.0 * f64::from(n) + 0.2 * f64::from(n * n)).collect();
+    let smooth: Vec<f64> =
+        (0..30).map(|n| 20.0 + 3.0 * f64::from(n) + 0.2 * f64::from(n * n)).collect();
     assert!(jitter(&smooth)[1] < 1e-12);
     let rough: Vec<f64> = (0..30).map(|n| 100.0 + if n % 2 == 0 { 1.0 } else { -1.0 }).collect();
     // The parabola keeps (7 - 2 · 6 + 2 · 3 + 2 · 2) / 21 of it.

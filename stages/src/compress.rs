@@ -423,7 +423,10 @@ mod tests {
         let stop = "{ thickness_mm = 20.0 }";
         let of = |more: &str, fold_mm: f64| closing(&format!("{stop}\n{more}"), 30.0, fold_mm);
         let nipple = of("", -14.0).unwrap();
-        assert_eq!((nipple.receptor_mm, nipple.thickness_mm, nipple.receptor_share), (-10.0, 30.0, 0.5));
+        assert_eq!(
+            (nipple.receptor_mm, nipple.thickness_mm, nipple.receptor_share),
+            (-10.0, 30.0, 0.5)
+        );
         let fold = of("receptor = \"fold\"", -14.0).unwrap();
         assert_eq!((fold.receptor_mm, fold.thickness_mm, fold.receptor_share), (-14.0, 34.0, 0.0));
         let raised = of("receptor = \"fold\"\nreceptor_lift_mm = 3.0", -14.0).unwrap();

@@ -4,12 +4,7 @@
 
 use crate::{calibrate::Fit, compress::Compression};
 use mammotwin_data::{
-    Failure, Vec3,
-    io::hdf5,
-    labels::Tissue,
-    mesh::TetMesh,
-    rigid::RigidTransform,
-    store::Artifact,
+    Failure, Vec3, io::hdf5, labels::Tissue, mesh::TetMesh, rigid::RigidTransform, store::Artifact,
     surface::TriMesh,
 };
 use mammotwin_solver::{
@@ -57,7 +52,8 @@ impl Pressed {
 impl Shapes {
     /// Of a fit and, where there is one, a compression.
     pub fn of(fit: &Fit, compression: Option<&Compression>) -> Self {
-        let points = |pose: &crate::pose::PoseFit| (pose.pose.clone(), pose.solution.points.clone());
+        let points =
+            |pose: &crate::pose::PoseFit| (pose.pose.clone(), pose.solution.points.clone());
         Self {
             rest: fit.rest.clone(),
             poses: fit.poses.iter().map(points).collect(),
@@ -246,7 +242,8 @@ impl Carrier<'_> {
             Err(error) => return all(error),
         };
         let to_start = self.part.zip(self.shapes.pressed.as_ref());
-        let in_part = to_start.map(|(part, pressed)| (part, pressed, Finder::new(part, &pressed.start)));
+        let in_part =
+            to_start.map(|(part, pressed)| (part, pressed, Finder::new(part, &pressed.start)));
         let is_pressed = *from == Shape::Pressed;
         let source = match (is_pressed, self.part) {
             (true, Some(part)) => Finder::new(part, asked),
@@ -415,9 +412,8 @@ mod tests {
         let shapes = Shapes { rest: mesh.points.clone(), ..Shapes::default() };
         let carrier = Carrier { mesh: &mesh, part: None, start_pose: None, shapes: &shapes };
         let front = Vec3::new(7.0, 60.0, -11.0);
-        let ask = |mm: f64| {
-            carrier.carry(&Shape::Free, &[front + Vec3::new(0.0, mm, 0.0)]).remove(0)
-        };
+        let ask =
+            |mm: f64| carrier.carry(&Shape::Free, &[front + Vec3::new(0.0, mm, 0.0)]).remove(0);
         let near = ask(2.0).unwrap();
         assert!((near.rest - front).norm() < 1e-9 && (near.outside_mm - 2.0).abs() < 1e-9);
         match ask(30.0) {

@@ -1,9 +1,9 @@
 //! Reads a study and refuses what cannot be meant.
 
 use super::{
-    ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, ModelPlan, Pose, RegionPlan,
-    ReceptorName, Study, Use, View, locate::Places, validate_clamp, validate_mammogram, validate_paddles,
-    wording,
+    ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, ModelPlan, Pose, ReceptorName,
+    RegionPlan, Study, Use, View, locate::Places, validate_clamp, validate_mammogram,
+    validate_paddles, wording,
 };
 use std::ops::Range;
 

@@ -71,8 +71,10 @@ pub fn map(arguments: &MapArguments) -> Result<(), Failure> {
     let found: Vec<(Vec3, Mapped)> =
         points.into_iter().zip(found).filter_map(|(p, found)| Some((p, found.ok()?))).collect();
     if arguments.json {
-        let places: Vec<_> =
-            found.iter().map(|(given, mapped)| json!({ "given_mm": given, "places": mapped })).collect();
+        let places: Vec<_> = found
+            .iter()
+            .map(|(given, mapped)| json!({ "given_mm": given, "places": mapped }))
+            .collect();
         let answer = json!({ "from": arguments.from, "reference": body.reference, "points": places, "sources": body.sources() });
         tell!("{answer:#}");
     } else {
@@ -104,16 +106,34 @@ fn print(arguments: &MapArguments, given: &Vec3, mapped: &Mapped) {
     } else {
         String::new()
     };
-    tell!("({:.1}, {:.1}, {:.1}) mm of {}: {side} breast{near}", given.x, given.y, given.z, arguments.from);
+    tell!(
+        "({:.1}, {:.1}, {:.1}) mm of {}: {side} breast{near}",
+        given.x,
+        given.y,
+        given.z,
+        arguments.from
+    );
     tell!(
         "{:14}{:>10}{:>10}{:>10}  {:>8}{:>8}{:>8}{:>14}  frame",
-        "shape", "x (mm)", "y (mm)", "z (mm)", "sd (mm)", "moduli", "model", "registration"
+        "shape",
+        "x (mm)",
+        "y (mm)",
+        "z (mm)",
+        "sd (mm)",
+        "moduli",
+        "model",
+        "registration"
     );
     for Row { shape, frame, mm, spread, .. } in rows {
         let moduli = spread.moduli_mm.map_or("-".into(), |mm| format!("{mm:.2}"));
         tell!(
             "{shape:14}{:>10.2}{:>10.2}{:>10.2}  {:>8.2}{moduli:>8}{:>8.2}{:>14.2}  {frame}",
-            mm.x, mm.y, mm.z, spread.total_mm, spread.model_mm, spread.registration_mm
+            mm.x,
+            mm.y,
+            mm.z,
+            spread.total_mm,
+            spread.model_mm,
+            spread.registration_mm
         );
     }
     match mammogram {

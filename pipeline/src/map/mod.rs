@@ -130,8 +130,7 @@ impl Body {
             return Err(Failure::BadInput(text));
         }
         let calibration = calibration.load()?;
-        let compression =
-            squeezed.as_ref().map(|part| part.compression.load()).transpose()?;
+        let compression = squeezed.as_ref().map(|part| part.compression.load()).transpose()?;
         let mut shapes = Shapes::of(&calibration.after, compression.as_ref());
         let mut fits: BTreeMap<String, PoseFit> = BTreeMap::new();
         for fit in &calibration.after.poses {
@@ -182,8 +181,7 @@ impl Body {
             }
             pose if self.shapes.poses.contains_key(pose) => Ok(Shape::Pose(pose.into())),
             other => {
-                let mut known: Vec<&str> =
-                    self.shapes.poses.keys().map(String::as_str).collect();
+                let mut known: Vec<&str> = self.shapes.poses.keys().map(String::as_str).collect();
                 known.extend(["compressed", "mammogram"]);
                 let known = known.join(", ");
                 Err(Failure::Usage(format!("--from {other}: no such place; there are: {known}")))
@@ -294,8 +292,7 @@ impl Body {
         let up = (focus - foot) / unit.source_height_mm;
         let points = &found.solution.points;
         let top = points.iter().map(|p| p.z).fold(0.0, f64::max);
-        let finder =
-            mammotwin_solver::mesh::locate::Locator::new(points, &found.mesh.tets);
+        let finder = mammotwin_solver::mesh::locate::Locator::new(points, &found.mesh.tets);
         let rise = step_mm / up.norm();
         let count = (top / rise) as usize + 1;
         let along = (0..count).map(|n| foot + (n as f64 + 0.5) * rise * up);

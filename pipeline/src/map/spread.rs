@@ -46,8 +46,8 @@ impl Errors<'_> {
         let moduli_mm = stiffer.and_then(|moved| self.moduli_mm((moved - place).norm()));
         let model = skin_mm(self.body, self.from).hypot(skin_mm(self.body, to));
         let model_mm = DIRECTIONS.sqrt() * model;
-        let registration_mm =
-            registration_mm(self.body, self.from, place).hypot(registration_mm(self.body, to, place));
+        let registration_mm = registration_mm(self.body, self.from, place)
+            .hypot(registration_mm(self.body, to, place));
         let outside_mm = self.outside_mm;
         let parts = [moduli_mm.unwrap_or_default(), model_mm, registration_mm, outside_mm];
         let total_mm = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
@@ -86,7 +86,8 @@ fn skin_mm(body: &Body, shape: &Shape) -> f64 {
         Shape::Free => 0.0,
         Shape::Pose(name) => body.fits.get(name).map_or(0.0, rms_mm),
         Shape::Pressed => {
-            let largest = |of: &mut dyn Iterator<Item = &PoseFit>| of.map(rms_mm).fold(0.0, f64::max);
+            let largest =
+                |of: &mut dyn Iterator<Item = &PoseFit>| of.map(rms_mm).fold(0.0, f64::max);
             match body.held_out.is_empty() {
                 true => largest(&mut body.fits.values()),
                 false => largest(&mut body.held_out.iter().filter_map(|name| body.fits.get(name))),
@@ -151,7 +152,9 @@ pub(super) fn sources(body: &Body) -> Vec<String> {
     said.push(format!(
         "registration: its own standard deviation times {REGISTRATION}, since on digital volunteers it is off by two to six"
     ));
-    said.push("stress_free: nothing is measured of it; only the pose of the question counts".into());
+    said.push(
+        "stress_free: nothing is measured of it; only the pose of the question counts".into(),
+    );
     said
 }
 

@@ -1,7 +1,7 @@
 //! A model between plates: equilibrium of body and paddle, and what is recorded of it.
 
-use super::stop::slope_mn_per_mm;
 use super::meet::{Met, Reached, meet};
+use super::stop::slope_mn_per_mm;
 use super::{Plates, Pressing, Step, Stops};
 use crate::assemble::State;
 use crate::model::Model;

@@ -100,9 +100,8 @@ impl Stops {
             share(step.paddle_force_mn, self.force_mn, StopRule::Force),
             share(step.mean_pressure_kpa, self.mean_pressure_kpa, StopRule::MeanPressure),
             share(step.peak_pressure_kpa, self.peak_pressure_kpa, StopRule::PeakPressure),
-            self.least_gain_mm_per_n.map(|gain| {
-                (StopRule::LeastGain, gain * step.slope_mn_per_mm / NEWTON)
-            }),
+            self.least_gain_mm_per_n
+                .map(|gain| (StopRule::LeastGain, gain * step.slope_mn_per_mm / NEWTON)),
         ]
         .into_iter()
         .flatten()
@@ -140,7 +139,8 @@ mod tests {
     #[test]
     fn the_slope_of_a_curve_is_known_where_it_ends() {
         let force = |h: f64| 30.0 * (60.0 - h) + 4.0 * (60.0 - h).powi(2);
-        let states = |all: &[f64]| -> Vec<[f64; 2]> { all.iter().map(|h| [*h, force(*h)]).collect() };
+        let states =
+            |all: &[f64]| -> Vec<[f64; 2]> { all.iter().map(|h| [*h, force(*h)]).collect() };
         // Exact on a parabola, whatever the steps.
         let slope = slope_mn_per_mm(&states(&[60.0, 57.0, 50.0, 48.5]));
         assert!((slope - (30.0 + 8.0 * 11.5)).abs() < 1e-9, "{slope}");

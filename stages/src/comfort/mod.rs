@@ -8,8 +8,13 @@ pub use mat::PressureMat;
 
 use crate::{compress::Compression, quality::Metrics, results::principal_stretches};
 use mammotwin_data::{
-    Failure, Mat3, Vec3, metric::Metric, progress::Progress, solution::{principal_stresses_kpa, von_mises_kpa}, store::Stage,
-    study::ComfortPlan, units::NEWTON,
+    Failure, Mat3, Vec3,
+    metric::Metric,
+    progress::Progress,
+    solution::{principal_stresses_kpa, von_mises_kpa},
+    store::Stage,
+    study::ComfortPlan,
+    units::NEWTON,
 };
 use mammotwin_solver::compress::Pressing;
 use serde::Serialize;
@@ -212,10 +217,18 @@ impl Stage for Comfort {
                 ("z", "above the receptor"),
             ];
             for ((axis, words), mm) in sides.into_iter().zip(place.iter()) {
-                add(&format!("peak_pressure_{axis}_mm"), &format!("place {of}: {words}"), "mm", *mm, None);
+                add(
+                    &format!("peak_pressure_{axis}_mm"),
+                    &format!("place {of}: {words}"),
+                    "mm",
+                    *mm,
+                    None,
+                );
             }
             let near = f64::from(u8::from(place.y < self.plan.juxtathoracic_mm));
-            let long = format!("1 where the largest contact pressure lies within {within} mm of that edge, else 0");
+            let long = format!(
+                "1 where the largest contact pressure lies within {within} mm of that edge, else 0"
+            );
             add("peak_pressure_juxtathoracic", &long, "", near, None);
         }
         let pressures = face_pressures(compression);
@@ -276,14 +289,21 @@ impl Stage for Comfort {
                 let long = format!("largest stretch, {words}, {percent:.0} % of the volume");
                 let value = percentile(burden.by_volume(&burden.stretch, Some(region)), share);
                 add(&format!("stretch_{name}_{word}"), &long, "", value, None);
-                let long = format!("largest principal stress, {words}, {percent:.0} % of the volume");
+                let long =
+                    format!("largest principal stress, {words}, {percent:.0} % of the volume");
                 let values = burden.by_volume(&burden.largest_stress_kpa, Some(region));
                 let value = percentile(values, share);
                 add(&format!("largest_stress_{name}_{word}_kpa"), &long, "kPa", value, None);
             }
             let long = format!("smallest principal stress, {words}, 5 % of the volume");
             let values = burden.by_volume(&burden.smallest_stress_kpa, Some(region));
-            add(&format!("smallest_stress_{name}_p05_kpa"), &long, "kPa", percentile(values, 0.05), None);
+            add(
+                &format!("smallest_stress_{name}_p05_kpa"),
+                &long,
+                "kPa",
+                percentile(values, 0.05),
+                None,
+            );
         }
         Ok(Metrics { metrics, ..Metrics::default() })
     }
