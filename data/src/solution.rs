@@ -41,6 +41,12 @@ pub fn von_mises_kpa(cauchy_kpa: &Mat3) -> f64 {
     (1.5 * deviator.norm_squared()).sqrt()
 }
 
+/// Largest and smallest principal stress (kPa), positive in tension: the ends of the eigenvalues.
+pub fn principal_stresses_kpa(cauchy_kpa: &Mat3) -> [f64; 2] {
+    let values = cauchy_kpa.symmetric_eigenvalues();
+    [values.max(), values.min()]
+}
+
 /// Numbers that say whether a state may be believed.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Checks {

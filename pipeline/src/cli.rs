@@ -1,10 +1,12 @@
 //! What the command line understands.
 
 mod curves;
+mod map;
 mod models;
 mod studies;
 
 pub use curves::ForceCurveArguments;
+pub use map::MapArguments;
 pub use models::{BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments};
 pub use studies::{
     CalibrationArguments, DesignsArguments, PaddlesArguments, PositionsArguments,
@@ -57,6 +59,9 @@ pub enum Command {
     /// Compute the report, and what it needs
     #[command(after_help = "Example:\n  mammotwin report study.toml")]
     Report(StudyArguments),
+    /// Carry a point or lesion between poses, compressed breast and mammogram, with its uncertainty
+    #[command(after_help = map::MAP_HELP)]
+    Map(MapArguments),
     /// Compare a finished run with the truth of a digital volunteer
     #[command(after_help = "Example:\n  mammotwin score dv/study.toml --truth dv/truth --json")]
     Score(ScoreArguments),

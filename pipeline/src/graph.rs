@@ -178,7 +178,7 @@ pub(crate) fn fitted(study: &Study, poses: &BTreeMap<String, PoseOutcome>) -> Fi
 }
 
 /// From images to stress-free shape and moduli.
-fn body(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
+pub(crate) fn body(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     let reference = study.reference_pose().to_owned();
     let poses = images(study, &reference, run)?;
     let (mesh, calibration) = calibrated(study, study.mesh, &poses, "", run)?;

@@ -22,6 +22,7 @@ pub mod display;
 pub mod estimates;
 pub mod force_curve;
 pub mod graph;
+pub mod map;
 mod page;
 pub mod plausible;
 pub mod score;

@@ -6,6 +6,7 @@ use mammotwin_data::{
         landmarks,
         nifti::{self, Summary},
         stl,
+        torque::{self, TorqueLaw},
     },
     labels::{LabelMap, Tissue},
     landmarks::Landmarks,
@@ -46,6 +47,11 @@ const EXTENT_MM: [f64; 2] = [50.0, 1000.0];
 /// Number of chest-wall landmarks that a rigid registration starts from.
 const CHEST_LANDMARKS: usize = 3;
 
+/// Edges (mm) above which forces of a compression depend on the elements.
+const COARSE_MM: f64 = 10.0;
+/// A hinge of which a quadratic law explains less is another one.
+const LEAST_R_SQUARED: f64 = 0.95;
+
 /// Looks at every file that a study names. `base` is the folder of the study.
 pub fn findings(study: &Study, base: &Path) -> Vec<Finding> {
     let mut found = Vec::new();
@@ -58,8 +64,41 @@ pub fn findings(study: &Study, base: &Path) -> Vec<Finding> {
         found.append(&mut pose.found);
     }
     found.extend(common_landmarks(study, &marked));
-    found.extend(study.compress.as_ref().and_then(|plan| paddle(plan, base)));
+    if let Some(plan) = &study.compress {
+        found.extend(paddle(plan, base));
+        found.extend(hinge(plan, base));
+        found.extend(coarse(study.mesh.size_mm));
+    }
     found
+}
+
+/// Whether forces mean anything on such elements (docs/verification.md).
+fn coarse(size_mm: f64) -> Option<Finding> {
+    let text = format!(
+        "a compression on elements of {size_mm} mm: forces on 14 mm are up to twice those on 8 mm; compare \
+         forces on equal meshes only, or give 10 mm or less"
+    );
+    let key = "mesh.size_mm".to_owned();
+    (size_mm > COARSE_MM).then_some(Finding { key, weight: Weight::Warning, text })
+}
+
+/// How well the torques of a measured hinge follow a quadratic law.
+fn hinge(plan: &CompressPlan, base: &Path) -> Option<Finding> {
+    let path = base.join(plan.hinge.as_ref()?.file.as_ref()?);
+    let law = torque::read(&path).map_err(|why| why.to_string()).and_then(|table| table.law());
+    let (weight, text) = match law {
+        Err(why) => (Weight::Wrong, why),
+        Ok(law) => {
+            let TorqueLaw { linear_n_mm_per_rad, quadratic_n_mm_per_rad2, r_squared, .. } = law;
+            let text = format!(
+                "{} readings to {:.1}°: torque {linear_n_mm_per_rad:.0} θ + {quadratic_n_mm_per_rad2:.0} θ² N mm, \
+                 R² = {r_squared:.4}",
+                law.readings, law.largest_deg
+            );
+            (if r_squared < LEAST_R_SQUARED { Weight::Warning } else { Weight::Good }, text)
+        }
+    };
+    Some(Finding { key: "compress.hinge.file".into(), weight, text })
 }
 
 /// Whether a paddle from CAD is one.

@@ -94,6 +94,7 @@ fn every_command_has_help() {
         "synth",
         "run",
         "report",
+        "map",
         "score",
         "status",
         "explain",

@@ -73,6 +73,9 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
         assert!(fs::metadata(place.join(file)).unwrap().len() > 100, "{file}");
     }
     let page = fs::read_to_string(place.join("paddles.html")).unwrap();
+    let elements = "Linear elements of 15 mm, law gent, J";
+    assert!(page.contains(elements) && said.contains(elements), "{said}");
+    assert!(table.values().all(|row| row["mesh_mm"] == "15" && row["law"] == "gent"));
     assert!(page.contains("137.21") && page.contains("Effect size") && !page.contains("src=\"/"));
 
     // All is there: the same files.

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // a test may fail at once
 
 use mammotwin_data::io::hdf5;
+use serde_json::Value;
 use std::{
     collections::BTreeMap,
     fs,
@@ -107,11 +108,19 @@ fn the_tiny_volunteer_runs_again_only_where_it_must_and_to_the_same_bits() {
     copy_inputs(&volunteer, &killed);
     copy_inputs(&volunteer, &two);
 
-    // One thread; then all is there.
     let study = volunteer.join("study.toml");
+    let ask = ["map", study.to_str().unwrap(), "--from", "prone", "--point", "0,0,0"];
+    let early = mammotwin(&ask).output().unwrap();
+    let said = String::from_utf8_lossy(&early.stderr);
+    assert_eq!(early.status.code(), Some(65), "{said}");
+    assert!(said.contains("run it first: mammotwin run"), "{said}");
+
+    // One thread; then all is there.
     let stages = computed(&study, "1");
     assert!(stages > 20, "{stages}");
     assert_eq!(computed(&study, "2"), 0);
+
+    places_of_tissue_are_carried(&study, &volunteer.join("truth/truth.json"));
 
     // Two threads, killed on the way and run again, from another folder: the same bits.
     let mut child = mammotwin(&["run", killed.join("study.toml").to_str().unwrap()])
@@ -161,6 +170,98 @@ fn the_tiny_volunteer_runs_again_only_where_it_must_and_to_the_same_bits() {
     assert_eq!(computed(&study, "2"), 0);
     what_has_no_place_in_the_breast_is_refused(&study, &text);
     gland_follows_the_labels(&study, &text);
+}
+
+/// Markers of the skin land where the truth has them, as nearly as is said; a point between the plates and its
+/// shadow belong together.
+fn places_of_tissue_are_carried(study: &Path, truth: &Path) {
+    let study = study.to_str().unwrap();
+    let ask = |arguments: &[&str]| -> Value {
+        let text = printed(&[&["map", study, "--json"], arguments].concat());
+        serde_json::from_str(&text).unwrap()
+    };
+    let vector = |value: &Value| -> [f64; 3] { serde_json::from_value(value.clone()).unwrap() };
+    let off = |a: [f64; 3], b: [f64; 3]| {
+        (0..3).map(|axis| (a[axis] - b[axis]).powi(2)).sum::<f64>().sqrt()
+    };
+    let row = |mapped: &Value, shape: &str| -> Value {
+        let rows = mapped["rows"].as_array().unwrap();
+        rows.iter().find(|row| row["shape"] == shape).unwrap().clone()
+    };
+    let truth: Value = serde_json::from_str(&fs::read_to_string(truth).unwrap()).unwrap();
+    let markers = truth["poses"]["prone"]["landmarks"].as_object().unwrap();
+    let mut squares = Vec::new();
+    for (name, place) in markers.iter().filter(|(name, _)| name.starts_with("breast_")) {
+        let [x, y, z] = vector(place);
+        let point = format!("{x},{y},{z}");
+        let found = ask(&["--from", "prone", "--point", &point]);
+        let mapped = &found["points"][0]["places"];
+        assert!(off(vector(&row(mapped, "prone")["mm"]), [x, y, z]) < 5.0);
+        assert!(row(mapped, "prone")["spread"]["moduli_mm"].is_null());
+        for pose in ["supine", "tilted"] {
+            let there = row(mapped, pose);
+            let away = off(vector(&there["mm"]), vector(&truth["poses"][pose]["landmarks"][name]));
+            let sd = there["spread"]["total_mm"].as_f64().unwrap();
+            println!("{name} to {pose}: {away:.2} mm off, sd {sd:.2} mm, {}", there["spread"]);
+            squares.push((away / sd).powi(2));
+        }
+        // And back.
+        let supine = vector(&row(mapped, "supine")["mm"]).map(|mm| mm.to_string()).join(",");
+        let back = ask(&["--quick", "--from", "supine", "--point", &supine]);
+        let back = vector(&row(&back["points"][0]["places"], "prone")["mm"]);
+        let away = off(back, vector(&row(mapped, "prone")["mm"]));
+        assert!(away < 1e-3, "{name} comes back {away} mm off");
+    }
+    let count = squares.len();
+    assert!(count >= 8, "{count}");
+    let ratio = (squares.iter().sum::<f64>() / count as f64).sqrt();
+    println!("errors over their standard deviations, root mean square of {count}: {ratio:.2}");
+    // Stated too small or too large by a factor of two would be a wrong statement.
+    assert!((0.5..2.0).contains(&ratio), "{ratio}");
+
+    let inside = ["--quick", "--from", "compressed", "--point", "3,25,18"];
+    let found = ask(&inside);
+    let mapped = &found["points"][0]["places"];
+    let pixel = [0, 1].map(|n| mapped["mammogram"]["pixel"][n].as_f64().unwrap());
+    let line = ask(&[
+        "--quick",
+        "--from",
+        "mammogram",
+        "--step-mm",
+        "1",
+        "--pixel",
+        &format!("{},{}", pixel[0], pixel[1]),
+    ]);
+    let points = line["points"].as_array().unwrap();
+    assert!(points.len() > 20, "{}", points.len());
+    let mut nearest = f64::INFINITY;
+    for point in points {
+        let shadow = &point["places"]["mammogram"]["pixel"];
+        for (n, given) in pixel.iter().enumerate() {
+            assert!((shadow[n].as_f64().unwrap() - given).abs() < 1e-6, "{shadow}");
+        }
+        nearest = nearest.min(off(vector(&point["given_mm"]), [3.0, 25.0, 18.0]));
+    }
+    assert!(nearest < 0.51, "the line passes {nearest} mm beside the point");
+
+    for (arguments, code, says) in [
+        (&["--from", "prone", "--point", "0,900,0"][..], 65, "mm outside of the meshed breasts"),
+        (
+            &["--from", "sitting", "--point", "0,0,0"],
+            2,
+            "there are: prone, supine, tilted, compressed",
+        ),
+        (&["--from", "mammogram", "--pixel", "-9,0"], 2, "columns"),
+        (&["--from", "prone", "--landmark", "nose"], 2, "there are: breast_"),
+        (&["--from", "prone", "--point", "1,2"], 2, "give 3 numbers"),
+    ] {
+        let output = mammotwin(&[&["map", study], arguments].concat()).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        assert!(said.contains(says), "{said}");
+    }
+    let text = printed(&[&["map", study], &inside[..]].concat());
+    assert!(text.contains("mammogram     column") && text.contains("stress_free"), "{text}");
 }
 
 /// Errors that are known only when the breast is compressed: 65 and one line, as for all others.

@@ -214,6 +214,12 @@ def test_comfort_follows_from_the_fields(results):
     for percent in (50, 95, 99):
         assert close(compression.von_mises_percentile_kpa(percent), comfort[f"von_mises_p{percent}_kpa"].value)
         assert close(compression.strain_percentile(percent), comfort[f"strain_p{percent}"].value)
+        assert close(compression.principal_stress_percentile_kpa(percent), comfort[f"largest_stress_p{percent}_kpa"].value)
+    for percent in (1, 5, 50):
+        found = compression.principal_stress_percentile_kpa(percent, "smallest")
+        assert close(found, comfort[f"smallest_stress_p{percent:02}_kpa"].value)
+    for axis, found in zip("xyz", compression.peak_pressure_place_mm, strict=True):
+        assert close(found, comfort[f"peak_pressure_{axis}_mm"].value)
     for percent in (95, 99):
         assert close(compression.pressure_percentile_kpa(percent), comfort[f"pressure_p{percent}_kpa"].value)
 

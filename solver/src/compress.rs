@@ -147,6 +147,9 @@ pub struct Step {
     pub paddle_force_mn: f64,
     /// Force of the receptor along the axis (mN), positive when pressing.
     pub receptor_force_mn: f64,
+    /// By how much the paddle's force grows for a millimetre less of thickness (mN/mm), from this and the two
+    /// recorded states before it; zero for the first.
+    pub slope_mn_per_mm: f64,
     /// Area of the paddle that the skin covers (mm²), as seen along the axis: without its front.
     pub contact_area_mm2: f64,
     /// Area of the paddle's upright front that the skin covers (mm²), as seen across the axis.
@@ -180,6 +183,13 @@ pub struct Compressed {
     pub met: Option<StopRule>,
     /// Why the plates stopped before their goal; `None` when they reached it.
     pub stopped_early: Option<StoppedEarly>,
+}
+
+impl Step {
+    /// Thickness (mm) and force of the paddle (mN).
+    fn place(&self) -> [f64; 2] {
+        [self.thickness_mm, self.paddle_force_mn]
+    }
 }
 
 impl Plates {
@@ -383,11 +393,12 @@ pub fn compress(
             stopped_early = failed.map(Into::into);
             break;
         }
-        let mut step = press.record(&state);
+        let course: Vec<[f64; 2]> = steps.iter().map(Step::place).collect();
+        let mut step = press.record_after(&course, &state);
         if let (true, Some(last)) = (stops.share(&step) >= 1.0, steps.last()) {
-            state = match press.meet(stops, [(&before, last), (&state, &step)], &at) {
+            state = match press.meet(stops, &course, [(&before, last), (&state, &step)], &at) {
                 Met::Limit(found) => {
-                    step = press.record(&found);
+                    step = press.record_after(&course, &found);
                     met = stops.nearest(&step).map(|(rule, _)| rule);
                     found
                 }
@@ -397,7 +408,7 @@ pub fn compress(
                         force_mn: [low.force_mn, high.force_mn],
                         share: [low.share, high.share],
                     });
-                    step = press.record(&low.state);
+                    step = press.record_after(&course, &low.state);
                     low.state
                 }
             };

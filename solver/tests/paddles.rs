@@ -151,7 +151,7 @@ fn a_curved_paddle_presses_less_at_its_edge() {
     assert!(curved < flat);
 }
 
-/// Verifies: stop by thickness, force, mean and peak pressure | the limit | 1 %
+/// Verifies: stop by thickness, force, mean and peak pressure, least gain | the limit | 1 %
 #[test]
 fn the_first_limit_ends_a_compression_and_is_named() {
     let body = coarse();
@@ -160,6 +160,7 @@ fn the_first_limit_ends_a_compression_and_is_named() {
         force_mn: Some(1e6),
         mean_pressure_kpa: Some(100.0),
         peak_pressure_kpa: Some(100.0),
+        least_gain_mm_per_n: Some(1e-6),
     };
     let thin = press(&body, Paddle::Rigid, all, 0.0);
     assert_eq!(thin.met, Some(StopRule::Thickness));
@@ -185,6 +186,29 @@ fn the_first_limit_ends_a_compression_and_is_named() {
         assert!((share - 1.0).abs() <= 0.01, "{rule:?}: {share}");
         assert!(step.thickness_mm > 76.0);
     }
+    // Half of the slope at the end: between the slopes of the chords of the first course around it.
+    let gain = 1e3 / (0.5 * last.slope_mn_per_mm);
+    let gaining = Stops { least_gain_mm_per_n: Some(gain), ..all };
+    let done = press(&body, Paddle::Rigid, gaining, 0.0);
+    assert_eq!(done.met, Some(StopRule::LeastGain));
+    let step = done.steps.last().unwrap();
+    let share = gain * step.slope_mn_per_mm / 1e3;
+    assert!((share - 1.0).abs() <= 0.01, "{share}");
+    let chords: Vec<[f64; 2]> = thin
+        .steps
+        .windows(2)
+        .map(|pair| {
+            let closed = pair[0].thickness_mm - pair[1].thickness_mm;
+            let rise = pair[1].paddle_force_mn - pair[0].paddle_force_mn;
+            [0.5 * (pair[0].thickness_mm + pair[1].thickness_mm), rise / closed]
+        })
+        .collect();
+    let around = chords.windows(2).find(|pair| pair[1][0] <= step.thickness_mm).unwrap();
+    println!(
+        "{:.2} mm, {gain:.1} mm/N: {:.2} mN/mm, chords {around:.2?}",
+        step.thickness_mm, step.slope_mn_per_mm
+    );
+    assert!(around[0][1] < step.slope_mn_per_mm && step.slope_mn_per_mm < around[1][1]);
     // Two at once: the stricter one.
     let both = Stops { peak_pressure_kpa: half(last.peak_pressure_kpa), ..force };
     let done = press(&body, Paddle::Rigid, both, 0.0);

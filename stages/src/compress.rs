@@ -8,7 +8,7 @@ pub use leaps::Leap;
 pub use paddle::from_cad;
 
 use crate::{
-    calibrate::Calibration,
+    calibrate::{Calibration, Fit},
     load_steps::{self, LoadStep},
     mesh::BreastMesh,
     model::Body,
@@ -190,16 +190,16 @@ impl Stage for Compress {
         progress: &dyn Progress,
     ) -> Result<Compression, Failure> {
         let body = Body { mesh: &whole.corners(), ..Body::new(whole, &self.model) };
-        let (rest, moduli) = (self.start(calibration)?, calibration.after.moduli);
+        let (rest, moduli) = (self.start(&calibration.after)?, calibration.after.moduli);
         self.press(&body, rest, moduli, cad.as_ref(), progress)
     }
 }
 
 impl Compress {
     /// Nodes of the shape that is taken for free of stress.
-    fn start<'a>(&self, calibration: &'a Calibration) -> Result<&'a [Vec3], Failure> {
-        let Some(name) = &self.plan.start_pose else { return Ok(&calibration.after.rest) };
-        let fit = calibration.after.poses.iter().find(|fit| fit.pose == *name);
+    pub(crate) fn start<'a>(&self, fit: &'a Fit) -> Result<&'a [Vec3], Failure> {
+        let Some(name) = &self.plan.start_pose else { return Ok(&fit.rest) };
+        let fit = fit.poses.iter().find(|fit| fit.pose == *name);
         fit.map(|fit| &fit.solution.points[..]).ok_or_else(|| {
             Failure::BadInput(format!("compress.start_pose: {name} was not simulated"))
         })
@@ -213,6 +213,7 @@ fn key(rule: press::StopRule) -> String {
         press::StopRule::Force => "force_n",
         press::StopRule::MeanPressure => "mean_pressure_kpa",
         press::StopRule::PeakPressure => "peak_pressure_kpa",
+        press::StopRule::LeastGain => "least_gain_mm_per_n",
     }
     .into()
 }
@@ -379,7 +380,7 @@ mod tests {
     use mammotwin_solver::paddles::{Outline, Paddle};
 
     /// A triangle of skin 30 mm high stands for the breast.
-    fn closing(stop: &str, edge_mm: f64) -> Result<press::Closing, Failure> {
+    fn closing(stop: &str, edge_mm: f64, fold_mm: f64) -> Result<press::Closing, Failure> {
         let text = format!(
             "schema = 1\nsubject = {{ id = \"x\" }}\n[poses.prone]\nimage = \"x.nii\"\n\
              posture = \"prone\"\n[compress]\nside = \"right\"\nchest_wall_distance_mm = 20.0\n\
@@ -399,20 +400,38 @@ mod tests {
             faces: vec![[0, 1, 2]],
         };
         let points = [[0.0, 40.0, -10.0], [0.0, 40.0, 20.0], [0.0, 50.0, 5.0]].map(Vec3::from);
-        compress.closing(&plates, &points, 2)
+        compress.closing(&plates, &points, 2, fold_mm)
     }
 
     #[test]
     fn a_gap_larger_than_the_breast_or_a_paddle_before_it_is_bad_input() {
-        assert!(closing("{ thickness_mm = 20.0 }", 30.0).is_ok());
+        assert!(closing("{ thickness_mm = 20.0 }", 30.0, 0.0).is_ok());
         for (stop, edge_mm, says) in [
             ("{ thickness_mm = 35.0 }", 30.0, "more than the 30 mm of breast"),
             ("{ thickness_mm = 20.0 }", 60.0, "bring the paddle nearer"),
         ] {
-            match closing(stop, edge_mm) {
+            match closing(stop, edge_mm, 0.0) {
                 Err(Failure::BadInput(text)) => assert!(text.contains(says), "{text}"),
                 other => panic!("{other:?}"),
             }
         }
+    }
+
+    #[test]
+    fn the_receptor_stays_at_the_fold_or_comes_to_the_nipple_with_the_paddle() {
+        // Skin from z = -10 to 20 mm, the nipple at 5 mm, the fold at -14 mm.
+        let stop = "{ thickness_mm = 20.0 }";
+        let of = |more: &str, fold_mm: f64| closing(&format!("{stop}\n{more}"), 30.0, fold_mm);
+        let nipple = of("", -14.0).unwrap();
+        assert_eq!(
+            (nipple.receptor_mm, nipple.thickness_mm, nipple.receptor_share),
+            (-10.0, 30.0, 0.5)
+        );
+        let fold = of("receptor = \"fold\"", -14.0).unwrap();
+        assert_eq!((fold.receptor_mm, fold.thickness_mm, fold.receptor_share), (-14.0, 34.0, 0.0));
+        let raised = of("receptor = \"fold\"\nreceptor_lift_mm = 3.0", -14.0).unwrap();
+        assert_eq!((raised.receptor_mm, raised.thickness_mm), (-11.0, 31.0));
+        // It does not lift a breast whose skin hangs lower than the fold.
+        assert_eq!(of("receptor = \"fold\"", -2.0).unwrap().receptor_mm, -10.0);
     }
 }

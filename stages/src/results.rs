@@ -6,7 +6,7 @@ mod compression;
 mod poses;
 
 pub use compression::Picture;
-pub use poses::PoseResult;
+pub use poses::{DRAWS, PoseResult};
 
 use crate::{calibrate::Calibration, compress::Compression};
 use mammotwin_data::{
@@ -216,6 +216,7 @@ fn without_paths(study: &Study) -> Result<serde_json::Value, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mammotwin_data::solution::principal_stresses_kpa;
 
     #[test]
     fn stretches_of_a_rotated_stretch_are_its_diagonal() {
@@ -233,6 +234,8 @@ mod tests {
         // Simple shear τ: √3 τ.
         let shear = Mat3::new(0.0, 2.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0);
         assert!((von_mises_kpa(&shear) - 2.0 * 3f64.sqrt()).abs() < 1e-12);
+        let [most, least] = principal_stresses_kpa(&(shear - Mat3::identity()));
+        assert!((most - 1.0).abs() < 1e-12 && (least + 3.0).abs() < 1e-12);
     }
 
     #[test]

@@ -227,7 +227,7 @@ fn effects_have_a_range_around_zero_and_name_rivals_that_exist() {
 fn effects_go_on_from_what_the_study_has() {
     let named = |name: &str| CurveEffect::named(name).unwrap();
     let mut flex = plan(PaddleName::Flex, LawName::Gent);
-    let own = flex.hinge.unwrap_or_default().linear_n_mm_per_rad;
+    let own = flex.hinge.clone().unwrap_or_default().linear_n_mm_per_rad;
     let softer = named("paddle_hinge").switched(&flex, 1.0);
     assert!((softer.hinge.unwrap().linear_n_mm_per_rad / own - 0.5).abs() < 1e-12);
     assert!((named("paddle_elastic").range)(&flex).is_none());

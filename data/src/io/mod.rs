@@ -7,3 +7,4 @@ pub mod metaimage;
 pub mod nifti;
 pub mod picture;
 pub mod stl;
+pub mod torque;

@@ -19,6 +19,27 @@ pub struct StopPlan {
     pub mean_pressure_kpa: Option<f64>,
     /// Contact pressure anywhere (kPa).
     pub peak_pressure_kpa: Option<f64>,
+    /// Thickness (mm) that a newton more must gain; less ends it: what follows hurts and gains little.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub least_gain_mm_per_n: Option<f64>,
+}
+
+/// Where the receptor is brought to.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ReceptorName {
+    /// Both plates come alike to the height of the nipple.
+    #[default]
+    Nipple,
+    /// It stays at the height of the inframammary fold, the lower end of the breast's base; the paddle comes down.
+    Fold,
+}
+
+impl ReceptorName {
+    #[allow(clippy::trivially_copy_pass_by_ref)] // what serde asks for
+    fn is_nipple(&self) -> bool {
+        *self == Self::Nipple
+    }
 }
 
 /// Direction of the compression.
@@ -88,9 +109,12 @@ impl PaddleName {
 }
 
 /// The hinge of a flex paddle: its torque is a polynomial of second degree in the tilt.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct HingePlan {
+    /// Measured forces and angles (CSV) that both torques are fitted to, in place of numbers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
     /// Distance of the axis from the paddle's chest-wall edge (mm).
     pub axis_mm: f64,
     /// Torque by tilt (N mm/rad).
@@ -103,7 +127,12 @@ impl Default for HingePlan {
     /// An assumption, not a measurement: 100 N that act 50 mm from the axis tilt the paddle by 5
     /// degrees, and half of the torque is linear.
     fn default() -> Self {
-        Self { axis_mm: 60.0, linear_n_mm_per_rad: 28_600.0, quadratic_n_mm_per_rad2: 328_000.0 }
+        Self {
+            file: None,
+            axis_mm: 60.0,
+            linear_n_mm_per_rad: 28_600.0,
+            quadratic_n_mm_per_rad2: 328_000.0,
+        }
     }
 }
 
@@ -225,7 +254,10 @@ pub struct CompressPlan {
     pub view: View,
     /// Angle (degrees) between the directions of an oblique and of a cranio-caudal compression.
     pub view_angle_deg: Option<f64>,
-    /// How far (mm) the middle between the plates is raised above the nipple.
+    /// Where the receptor is brought to.
+    #[serde(default, skip_serializing_if = "ReceptorName::is_nipple")]
+    pub receptor: ReceptorName,
+    /// How far (mm) the middle between the plates is raised above the nipple, or the receptor above the fold.
     #[serde(default)]
     pub receptor_lift_mm: f64,
     /// Pose, simulated by the calibration, whose shape is taken for free of stress, as the thesis
@@ -299,7 +331,8 @@ impl CompressPlan {
     /// to what is computed.
     pub fn without_files(self) -> Self {
         let cad = self.cad.map(|_| CadPlan { file: PathBuf::new() });
-        Self { cad, ..self }
+        let hinge = self.hinge.map(|hinge| HingePlan { file: None, ..hinge });
+        Self { cad, hinge, ..self }
     }
 
     /// The same compression without what comes after its stop.

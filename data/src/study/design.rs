@@ -40,7 +40,7 @@ impl DesignPlan {
     pub fn of(&self, plan: &CompressPlan) -> CompressPlan {
         let under = plan.under(self.paddle);
         CompressPlan {
-            hinge: self.hinge,
+            hinge: self.hinge.clone(),
             plate: self.plate,
             curve: self.curve,
             gimbal: self.gimbal,
@@ -71,6 +71,10 @@ pub fn designs(
             if design.paddle == PaddleName::Cad {
                 let why = "a paddle from CAD is named in the study; write paddle = \"cad\" there";
                 return super::validate::refuse("compress.paddle", why);
+            }
+            if under.hinge.as_ref().is_some_and(|hinge| hinge.file.is_some()) {
+                let why = "a measured hinge is named in the study; give its two numbers here";
+                return super::validate::refuse("compress.hinge.file", why);
             }
             super::validate::within("compress.friction", under.friction, 0.0, 2.0)?;
             validate_paddles::paddle(&under)

@@ -20,7 +20,7 @@ mod wording;
 pub use clamp::{ClampPlan, HeldName, MeasuredIn};
 pub use compression::{
     ComfortPlan, CompressLaw, CompressPlan, CurvePlan, GimbalPlan, HingePlan, MLO_ANGLE_DEG,
-    PaddleName, PlatePlan, PlateSupport, StopPlan, View,
+    PaddleName, PlatePlan, PlateSupport, ReceptorName, StopPlan, View,
 };
 pub use design::{DesignPlan, designs};
 pub use interface::{InterfaceKind, InterfacePlan, InterfaceRegion, RegionPlan};

@@ -1,9 +1,9 @@
 //! Reads a study and refuses what cannot be meant.
 
 use super::{
-    ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, ModelPlan, Pose, RegionPlan,
-    Study, Use, View, locate::Places, validate_clamp, validate_mammogram, validate_paddles,
-    wording,
+    ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, ModelPlan, Pose, ReceptorName,
+    RegionPlan, Study, Use, View, locate::Places, validate_clamp, validate_mammogram,
+    validate_paddles, wording,
 };
 use std::ops::Range;
 
@@ -230,6 +230,7 @@ fn compress(plan: &CompressPlan) -> Checked {
         ("force_n", stop.force_n, 0.001, 500.0),
         ("mean_pressure_kpa", stop.mean_pressure_kpa, 0.001, 200.0),
         ("peak_pressure_kpa", stop.peak_pressure_kpa, 0.001, 500.0),
+        ("least_gain_mm_per_n", stop.least_gain_mm_per_n, 0.001, 100.0),
     ];
     if limits.iter().all(|limit| limit.1.is_none()) {
         let names = limits.map(|limit| limit.0).join(", ");
@@ -242,6 +243,10 @@ fn compress(plan: &CompressPlan) -> Checked {
     within("compress.gravity_share", plan.gravity_share, 0.0, 1.0)?;
     within("compress.rate_stiffening", plan.rate_stiffening, -0.9, 10.0)?;
     within("compress.receptor_lift_mm", plan.receptor_lift_mm, -100.0, 100.0)?;
+    if plan.receptor == ReceptorName::Fold && plan.view != View::Cc {
+        let why = "the fold lies under the breast in a cranio-caudal view only; remove it";
+        return refuse("compress.receptor", why);
+    }
     if let Some(angle) = plan.view_angle_deg {
         if plan.view != View::Mlo {
             let why = "only an oblique view has one; remove it, or write view = \"mlo\"";

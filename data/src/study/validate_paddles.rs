@@ -1,7 +1,7 @@
 //! Refuses paddles that cannot be meant.
 
 use super::validate::{Checked, refuse, within};
-use super::{CompressPlan, EDGE_RADIUS_MM, OutlinePlan, PaddleName, SpotName};
+use super::{CompressPlan, EDGE_RADIUS_MM, HingePlan, OutlinePlan, PaddleName, SpotName};
 
 /// The paddle of a compression and its tables.
 pub(super) fn paddle(plan: &CompressPlan) -> Checked {
@@ -23,11 +23,16 @@ pub(super) fn paddle(plan: &CompressPlan) -> Checked {
         }
     }
     let mut numbers = Vec::new();
-    if let Some(hinge) = plan.hinge {
+    if let Some(hinge) = &plan.hinge {
         numbers.push(("hinge.axis_mm", hinge.axis_mm, -100.0, 300.0));
         numbers.push(("hinge.linear_n_mm_per_rad", hinge.linear_n_mm_per_rad, 1.0, 1e9));
         let quadratic = hinge.quadratic_n_mm_per_rad2;
         numbers.push(("hinge.quadratic_n_mm_per_rad2", quadratic, 0.0, 1e10));
+        let assumed = HingePlan { file: None, axis_mm: hinge.axis_mm, ..HingePlan::default() };
+        if hinge.file.is_some() && (HingePlan { file: None, ..hinge.clone() }) != assumed {
+            let why = "has the torques; remove linear_n_mm_per_rad and quadratic_n_mm_per_rad2";
+            return refuse("compress.hinge.file", why);
+        }
     }
     if let Some(plate) = plan.plate {
         numbers.push(("plate.width_mm", plate.width_mm, 20.0, 500.0));

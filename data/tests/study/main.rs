@@ -2,7 +2,9 @@
 
 #![allow(clippy::unwrap_used)] // a test may fail at once
 
-use mammotwin_data::study::{InterfaceKind, InterfaceRegion, PaddleName, Study, designs, parse};
+use mammotwin_data::study::{
+    InterfaceKind, InterfaceRegion, PaddleName, ReceptorName, Study, designs, parse,
+};
 use proptest::{
     prelude::Rng,
     test_runner::{RngAlgorithm, TestRng},
@@ -156,6 +158,17 @@ fn the_chest_wall_has_a_contact_for_each_region() {
     }
     refused("paddle = \"rigid\"", "friction = -0.1", &["compress.friction"]);
     refused("paddle = \"rigid\"", "hinge = { axis_mm = 50.0 }", &["compress.hinge", "flex"]);
+    let measured = "paddle = \"flex\"\nhinge = { axis_mm = 50.0, file = \"hinge.csv\" }";
+    let plan = parse(&GOOD.replacen("paddle = \"rigid\"", measured, 1)).unwrap().compress.unwrap();
+    assert!(plan.hinge.clone().unwrap().file.is_some());
+    assert!(plan.without_files().hinge.unwrap().file.is_none());
+    let both = measured.replace("axis_mm = 50.0", "linear_n_mm_per_rad = 9e4");
+    refused("paddle = \"rigid\"", &both, &["compress.hinge.file", "has the torques"]);
+    let fold = "paddle = \"rigid\"\nreceptor = \"fold\"";
+    let plan = parse(&GOOD.replacen("paddle = \"rigid\"", fold, 1)).unwrap().compress.unwrap();
+    assert_eq!(plan.receptor, ReceptorName::Fold);
+    let oblique = "view = \"mlo\"\nreceptor = \"fold\"";
+    refused("view = \"cc\"", oblique, &["compress.receptor", "cranio-caudal"]);
     let soft = "paddle = \"flex\"\nhinge = { linear_n_mm_per_rad = 0.0 }";
     refused("paddle = \"rigid\"", soft, &["compress.hinge.linear_n_mm_per_rad"]);
     let flex = GOOD.replace("paddle = \"rigid\"", "paddle = \"flex\"");
@@ -196,6 +209,14 @@ fn compressions_say_how_they_end_and_under_what() {
     let plan = with(all).stop;
     assert_eq!((plan.force_n, plan.mean_pressure_kpa), (Some(90.0), Some(10.0)));
     assert_eq!(with("stop = { mean_pressure_kpa = 10.0 }").stop.thickness_mm, None);
+    let gain = with("stop = { least_gain_mm_per_n = 0.1 }").stop;
+    assert_eq!(gain.least_gain_mm_per_n, Some(0.1));
+    refused(stop, "stop = { least_gain_mm_per_n = 0.0 }", &["compress.stop.least_gain_mm_per_n"]);
+    // What is left out is not written: keys of earlier results stay.
+    let plain = serde_json::to_string(&with(stop)).unwrap();
+    for key in ["least_gain", "\"receptor\"", "\"file\""] {
+        assert!(!plain.contains(key), "{plain}");
+    }
     refused(stop, "stop = {}", &["compress.stop", "peak_pressure_kpa"]);
     refused(stop, "stop = { force_n = -1.0 }", &["compress.stop.force_n"]);
     refused(stop, "stop = { peak_pressure_kpa = nan }", &["compress.stop.peak_pressure_kpa"]);

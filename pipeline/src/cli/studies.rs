@@ -156,6 +156,7 @@ that are there are used again; files go to studies/stiffening in the output fold
 Examples:
   mammotwin study stiffening study.toml --record curve.csv
   mammotwin study stiffening study.toml --jm 0.7,1,1.4,2,3 --distances 10,15,20
+  mammotwin study stiffening study.toml --record right.csv --other    # what will the other breast show?
   mammotwin study stiffening study.toml --record curve.csv --poses    # one material for both loads?";
 
 /// The study of stiffening.
@@ -177,6 +178,9 @@ pub struct StiffeningArguments {
     /// whether one material explains poses and record
     #[arg(long)]
     pub poses: bool,
+    /// Foretell the force of the other breast, with its interval: compresses it on the same grid
+    #[arg(long)]
+    pub other: bool,
     /// Error of a force in proportion (%)
     #[arg(long, value_name = "PERCENT", default_value_t = 3.0)]
     pub force_error_percent: f64,

@@ -3,7 +3,9 @@
 use super::{Opened, open, write};
 use crate::{
     cli::{PaddlesArguments, PositionsArguments, StudyArguments},
-    comparison::{Found, ThesisStudy, Way, comparisons, curves, page, summary, time_courses},
+    comparison::{
+        Found, ThesisStudy, Way, comparisons, curves, page, stated, summary, time_courses,
+    },
     display::Display,
     graph,
     plausible::findings,
@@ -113,11 +115,13 @@ fn go(
     }
     let folder = store.out.join("studies").join(name);
     fs::create_dir_all(&folder).map_err(|cause| Failure::io(&folder, cause))?;
-    let (html, figures) = page(&read.subject.id, study, &ways);
+    // All ways share law and mesh.
+    let stated = plans.first().map_or(String::new(), |(_, plan)| stated(&read.mesh, &plan.law));
+    let (html, figures) = page(&read.subject.id, study, &ways, &stated);
     for figure in &figures {
         write(&folder.join(&figure.name), &figure.bytes)?;
     }
-    write(&folder.join(format!("{name}.csv")), summary(&ways))?;
+    write(&folder.join(format!("{name}.csv")), summary(&ways, read.mesh.size_mm))?;
     write(&folder.join("curves.csv"), curves(&ways))?;
     if ways.iter().flat_map(|way| &way.found).any(|found| found.course.is_some()) {
         write(&folder.join("time_courses.csv"), time_courses(&ways))?;
@@ -140,6 +144,7 @@ fn go(
             Err(why) => tell!("{:<16} failed: {why}", way.label),
         }
     }
+    tell!("{stated}");
     tell!("{}", folder.join(format!("{name}.html")).display());
     if ways.iter().all(|way| way.found.is_err()) {
         return Err(Failure::Numerics(format!("study {name}: no compression was found")));

@@ -15,6 +15,7 @@ pub mod image_chain;
 pub mod inspect;
 pub mod keep;
 pub mod manual;
+pub mod map;
 pub mod projection;
 pub mod run;
 pub mod score;
@@ -33,6 +34,7 @@ use crate::{
 };
 use mammotwin_data::{
     Failure,
+    io::torque,
     store::Store,
     study::{self, Study, StudyError},
 };
@@ -55,6 +57,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Synth(arguments) => synth::synth(arguments),
         Command::Run(arguments) => run::run(arguments),
         Command::Report(arguments) => run::report(arguments),
+        Command::Map(arguments) => map::map(arguments),
         Command::Score(arguments) => score::score(arguments),
         Command::Status(arguments) => status::status(arguments),
         Command::Explain(arguments) => explain::explain(arguments),
@@ -146,14 +149,32 @@ pub fn open(arguments: &StudyArguments) -> Result<Opened, Failure> {
         }
         _ => Failure::io(path, cause),
     })?;
-    let study =
+    let mut study =
         study::parse(&text).map_err(|error| Failure::Study { path: path.clone(), error })?;
     let base = match path.parent() {
         Some(parent) if parent != Path::new("") => parent.to_owned(),
         _ => PathBuf::from("."),
     };
+    measured_hinge(&mut study, &base).map_err(|failure| {
+        let error = StudyError::at_key(&text, HINGE_FILE, &failure.to_string());
+        Failure::Study { path: path.clone(), error }
+    })?;
     let out = arguments.out.clone().unwrap_or_else(|| base.join("out"));
     Ok(Opened { study, file: path.clone(), text, base, store: Store::open(&out) })
+}
+
+const HINGE_FILE: &str = "compress.hinge.file";
+
+/// Fits the torques of a measured hinge: what follows knows numbers only.
+fn measured_hinge(study: &mut Study, base: &Path) -> Result<(), Failure> {
+    let hinge = study.compress.as_mut().and_then(|plan| plan.hinge.as_mut());
+    let Some((hinge, file)) = hinge.and_then(|h| h.file.clone().map(|file| (h, file))) else {
+        return Ok(());
+    };
+    let law = torque::read(&base.join(file))?.law().map_err(Failure::BadInput)?;
+    hinge.linear_n_mm_per_rad = law.linear_n_mm_per_rad;
+    hinge.quadratic_n_mm_per_rad2 = law.quadratic_n_mm_per_rad2;
+    Ok(())
 }
 
 /// Values within bounds, rising, each once.

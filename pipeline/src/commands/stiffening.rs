@@ -7,8 +7,9 @@ use crate::{
     graph,
     plausible::findings,
     stiffening::{
-        Both, Course, Grid, Hanging, Measured, Posterior, RecordError, course_table, gravity_table,
-        page, posterior_table, read_record, said, way,
+        Both, Course, Grid, Hanging, Measured, Posterior, RecordError, course_table, foretell,
+        foretold_chart, foretold_said, foretold_table, gravity_table, page, posterior_table,
+        read_record, said, way,
     },
 };
 use mammotwin_data::{
@@ -17,7 +18,7 @@ use mammotwin_data::{
     store::{self, Drive, Options},
     study::{CompressPlan, LawName, Study, Use},
 };
-use mammotwin_stages::calibrate::Calibration;
+use mammotwin_stages::{calibrate::Calibration, report::chart::lines};
 use std::fs;
 
 /// Compresses on the grid, weighs the record and writes tables, figures and page.
@@ -49,28 +50,9 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
         Some(path) => read_record(path)?,
         None => vec![of_study(&opened.study, plan.side)?],
     };
-    let ways = |jm: &[f64]| -> Vec<(f64, (String, CompressPlan))> {
-        let one = |jm: f64, distance: f64| (jm, way(&plan, jm, distance, &record));
-        jm.iter().flat_map(|&jm| distance_mm.iter().map(move |&d| one(jm, d))).collect()
-    };
-    let mut tried = Tried::default();
-    if arguments.poses {
-        for &jm in &jm {
-            let ways = ways(&[jm]);
-            match tried.press(&opened, &of_one_material(&opened.study, jm), &ways) {
-                // The poses do not stand such a material.
-                Err(Failure::Numerics(why)) => {
-                    tell!("Jₘ {jm} failed: {why}");
-                    tried.courses.extend(ways.iter().map(|_| None));
-                }
-                pressed => pressed?,
-            }
-        }
-    } else {
-        tried.press(&opened, &opened.study, &ways(&jm))?;
-    }
-    let Tried { courses, hanging, computed } = tried;
-    let grid = Grid { jm, distance_mm, courses };
+    let asked = Asked { jm: &jm, distance_mm: &distance_mm, poses: arguments.poses };
+    let Tried { courses, hanging, mut computed } = asked.press(&opened, &plan, &record)?;
+    let grid = Grid { jm: jm.clone(), distance_mm: distance_mm.clone(), courses };
     let folder = opened.store.out.join("studies").join("stiffening");
     fs::create_dir_all(&folder).map_err(|cause| Failure::io(&folder, cause))?;
     write(&folder.join("curves.csv"), course_table(&grid))?;
@@ -82,7 +64,15 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
         ))
     })?;
     let mut sentences = said(&posterior, &record, &error);
-    sentences.extend(other(&opened.study, &plan, &posterior));
+    let mut foretold = None;
+    if arguments.other {
+        let found = foretell_other(&opened, &asked, &plan, &record, (&posterior, &error))?;
+        (0..2).for_each(|n| computed[n] += found.computed[n]);
+        sentences.extend(found.said);
+        foretold = Some(found.files);
+    } else {
+        sentences.extend(other(&opened.study, &plan));
+    }
     let both = Both::new(&hanging, &posterior).filter(|_| arguments.poses);
     sentences.extend(both.iter().flat_map(Both::said));
     if arguments.poses {
@@ -93,6 +83,9 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
     for (name, svg) in &figures {
         write(&folder.join(name), svg)?;
     }
+    for (name, text) in foretold.iter().flatten() {
+        write(&folder.join(name), text)?;
+    }
     write(&folder.join("posterior.csv"), posterior_table(&posterior))?;
     write(&folder.join("stiffening.html"), html)?;
     tell!("{} of {} stages computed", computed[0], computed[1]);
@@ -101,6 +94,101 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
     }
     tell!("{}", folder.join("stiffening.html").display());
     Ok(())
+}
+
+/// What is compressed on: the grid, and whether poses are asked for each Jₘ.
+struct Asked<'a> {
+    jm: &'a [f64],
+    distance_mm: &'a [f64],
+    poses: bool,
+}
+
+impl Asked<'_> {
+    /// Compresses in all ways to the smallest thickness of a record.
+    fn press(
+        &self,
+        opened: &Opened,
+        plan: &CompressPlan,
+        record: &[Measured],
+    ) -> Result<Tried, Failure> {
+        let ways = |jm: &[f64]| -> Vec<(f64, (String, CompressPlan))> {
+            let one = |jm: f64, distance: f64| (jm, way(plan, jm, distance, record));
+            jm.iter().flat_map(|&jm| self.distance_mm.iter().map(move |&d| one(jm, d))).collect()
+        };
+        let mut tried = Tried::default();
+        if !self.poses {
+            tried.press(opened, &opened.study, &ways(self.jm))?;
+            return Ok(tried);
+        }
+        for &jm in self.jm {
+            let ways = ways(&[jm]);
+            match tried.press(opened, &of_one_material(&opened.study, jm), &ways) {
+                // The poses do not stand such a material.
+                Err(Failure::Numerics(why)) => {
+                    tell!("Jₘ {jm} failed: {why}");
+                    tried.courses.extend(ways.iter().map(|_| None));
+                }
+                pressed => pressed?,
+            }
+        }
+        Ok(tried)
+    }
+}
+
+/// The other breast, foretold.
+struct Other {
+    files: Vec<(&'static str, String)>,
+    said: Vec<String>,
+    computed: [usize; 2],
+}
+
+/// Compresses the other breast on the same grid and weighs its courses by the posterior of the first one.
+fn foretell_other(
+    opened: &Opened,
+    asked: &Asked<'_>,
+    plan: &CompressPlan,
+    record: &[Measured],
+    (posterior, error): (&Posterior, &RecordError),
+) -> Result<Other, Failure> {
+    let side = opposite(plan.side);
+    let own = opened.study.records.get(&side);
+    let own = own.map(|r| Measured { thickness_mm: r.thickness_mm, force_n: r.force_n });
+    let to: Vec<Measured> = record.iter().copied().chain(own).collect();
+    let tried = asked.press(opened, &CompressPlan { side, ..plan.clone() }, &to)?;
+    let grid = Grid {
+        jm: asked.jm.to_vec(),
+        distance_mm: asked.distance_mm.to_vec(),
+        courses: tried.courses,
+    };
+    // Each millimetre of the courses, and the record's own thickness.
+    let ends = to.iter().map(|m| m.thickness_mm).fold(f64::INFINITY, f64::min);
+    let thickest = grid.courses.iter().flatten().filter_map(|c| c.thickness_mm.first());
+    let thickest = thickest.copied().fold(ends, f64::max);
+    let mut at: Vec<f64> = (0..=(thickest - ends) as usize).map(|n| ends + n as f64).collect();
+    at.extend(own.map(|record| record.thickness_mm));
+    at.sort_by(|a, b| b.total_cmp(a));
+    at.dedup();
+    let foretold = foretell(&grid, posterior, error, &at);
+    let here = |record: &Measured| foretold.iter().find(|f| f.thickness_mm == record.thickness_mm);
+    let said = match own {
+        Some(record) => foretold_said(side.name(), here(&record), record),
+        None => format!(
+            "The {} breast is foretold at {} thicknesses (foretold.csv); the study has no [records.{}] to compare it with.",
+            side.name(),
+            foretold.len(),
+            side.name()
+        ),
+    };
+    let chart = lines(&foretold_chart(side.name(), &foretold, own));
+    let files = vec![("foretold.csv", foretold_table(&foretold)), ("foretold.svg", chart)];
+    Ok(Other { files, said: vec![said], computed: tried.computed })
+}
+
+fn opposite(side: Side) -> Side {
+    match side {
+        Side::Right => Side::Left,
+        Side::Left => Side::Right,
+    }
 }
 
 /// A study whose breast, skin and fascia stiffen alike under gravity, all its poses being fitted.
@@ -185,20 +273,14 @@ fn of_study(study: &Study, side: Side) -> Result<Measured, Failure> {
     Ok(Measured { thickness_mm: record.thickness_mm, force_n: record.force_n })
 }
 
-/// What to do with the record of the other breast, if there is one.
-fn other(study: &Study, plan: &CompressPlan, posterior: &Posterior) -> Option<String> {
-    let side = match plan.side {
-        Side::Right => Side::Left,
-        Side::Left => Side::Right,
-    };
+/// How the record of the other breast is foretold, if there is one.
+fn other(study: &Study, plan: &CompressPlan) -> Option<String> {
+    let side = opposite(plan.side);
     let record = study.records.get(&side)?;
-    let (jm, distance) = (posterior.jm().best, posterior.distance().best);
     Some(format!(
-        "The {} breast took no part; its record is {} N at {} mm. Foretell it: side = \"{}\", jm = {jm:.2}, \
-         chest_wall_distance_mm = {distance:.1}.",
+        "The {} breast took no part; its record is {} N at {} mm. Foretell it: --other.",
         side.name(),
         record.force_n,
-        record.thickness_mm,
-        side.name()
+        record.thickness_mm
     ))
 }

@@ -5,7 +5,7 @@ mod table;
 mod thesis;
 
 pub use page::page;
-pub use table::{comparisons, curves, summary, time_courses};
+pub use table::{comparisons, curves, stated, summary, time_courses};
 pub use thesis::Study as ThesisStudy;
 
 use crate::graph::Squeezed;

@@ -65,7 +65,12 @@ pub struct Figure {
 }
 
 /// The page and its figures.
-pub fn page(subject: &str, study: ThesisStudy, ways: &[Way]) -> (String, Vec<Figure>) {
+pub fn page(
+    subject: &str,
+    study: ThesisStudy,
+    ways: &[Way],
+    stated: &str,
+) -> (String, Vec<Figure>) {
     let title = match study {
         ThesisStudy::Paddles => "One breast under several paddles",
         ThesisStudy::Positions => "One breast, the paddle at several distances",
@@ -101,6 +106,7 @@ pub fn page(subject: &str, study: ThesisStudy, ways: &[Way]) -> (String, Vec<Fig
         }
     }
     html += &table(&head, &rows);
+    let _ = writeln!(html, "<p>{}</p>", escaped(stated));
     html += "<h2>The thesis</h2>\n";
     let (head, rows) = study.table();
     html += &table(&head, &rows);

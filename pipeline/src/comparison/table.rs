@@ -2,16 +2,31 @@
 
 use super::{Way, differences, shift_to_wall};
 use crate::page::quoted;
+use mammotwin_data::study::{CompressLaw, MeshPlan};
 use std::fmt::Write;
 
+/// What the numbers of all ways depend on: elements and the law in compression.
+pub fn stated(mesh: &MeshPlan, law: &CompressLaw) -> String {
+    let jm = law.jm.map_or(String::new(), |jm| format!(", Jₘ {jm}"));
+    format!(
+        "Linear elements of {} mm, law {}{jm}, Poisson's ratio {} in compression. Forces and pressures depend on all of \
+         these: compare them on equal ones only; on elements of 14 mm forces are up to twice those on 8 mm.",
+        mesh.size_mm,
+        law.name.name(),
+        law.poisson
+    )
+}
+
 /// One row a way: how it was compressed, how that ended, all metrics.
-pub fn summary(ways: &[Way]) -> String {
+pub fn summary(ways: &[Way], mesh_mm: f64) -> String {
     let names: Vec<&str> = ways
         .iter()
         .filter_map(|way| way.found.as_ref().ok())
         .max_by_key(|found| found.metrics.len())
         .map_or(Vec::new(), |found| found.metrics.iter().map(|m| m.name.as_str()).collect());
-    let mut text = String::from("way,paddle,chest_wall_distance_mm,ended_by,stopped_early");
+    let mut text = String::from(
+        "way,paddle,chest_wall_distance_mm,mesh_mm,law,jm,poisson,ended_by,stopped_early",
+    );
     for name in &names {
         // Writing to a string does not fail.
         let _ = write!(text, ",{name}");
@@ -19,7 +34,10 @@ pub fn summary(ways: &[Way]) -> String {
     text.push('\n');
     for way in ways {
         let (paddle, distance) = (way.plan.paddle.name(), way.plan.chest_wall_distance_mm);
-        let _ = write!(text, "{},{paddle},{distance}", way.label);
+        let law = &way.plan.law;
+        let jm = law.jm.map_or(String::new(), |jm| jm.to_string());
+        let of = format!("{mesh_mm},{},{jm},{}", law.name.name(), law.poisson);
+        let _ = write!(text, "{},{paddle},{distance},{of}", way.label);
         match &way.found {
             Ok(found) => {
                 let met = found.compression.met.as_deref().unwrap_or_default();

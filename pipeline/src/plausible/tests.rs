@@ -127,3 +127,46 @@ fn labels_that_miss_or_cut_a_breast_or_lie_elsewhere_are_found() {
     folder.image(7.0);
     folder.says("poses.prone.labels", Weight::Wrong, "another grid");
 }
+
+/// A compression of the study, with more in it.
+fn compressed(more: &str, size_mm: f64) -> Study {
+    let text = format!(
+        "{STUDY}\n[mesh]\nsize_mm = {size_mm:.1}\n[compress]\nside = \"right\"\n{more}\n\
+         chest_wall_distance_mm = 15.0\nstop = {{ force_n = 5.0 }}\nlaw = {{ name = \"neo_hookean\" }}\n"
+    );
+    parse(&text).unwrap()
+}
+
+#[test]
+fn a_compression_on_coarse_elements_is_warned_of() {
+    let folder = Folder::new();
+    let coarse = |size_mm: f64| {
+        let found = findings(&compressed("", size_mm), folder.0.path());
+        found.into_iter().find(|f| f.key == "mesh.size_mm")
+    };
+    let warned = coarse(14.0).unwrap();
+    assert!(warned.weight == Weight::Warning && warned.text.contains("up to twice"), "{warned:?}");
+    assert_eq!(coarse(10.0), None);
+    // Without a compression nothing is pressed.
+    let text = format!("{STUDY}\n[mesh]\nsize_mm = 14.0\n");
+    let found = findings(&parse(&text).unwrap(), folder.0.path());
+    assert!(found.iter().all(|f| f.key != "mesh.size_mm"), "{found:#?}");
+}
+
+#[test]
+fn a_measured_hinge_is_told_with_its_r_squared() {
+    let folder = Folder::new();
+    let study = compressed("paddle = \"flex\"\nhinge = { file = \"hinge.csv\" }", 8.0);
+    let told = |rows: &str| {
+        let text = format!("angle_deg,force_n,lever_mm\n{rows}");
+        fs::write(folder.path("hinge.csv"), text).unwrap();
+        let found = findings(&study, folder.0.path());
+        found.into_iter().find(|f| f.key == "compress.hinge.file").unwrap()
+    };
+    let good = told("1,5,100\n2,10.5,100\n3,16.5,100\n4,23,100\n");
+    assert!(good.weight == Weight::Good && good.text.contains("4 readings to 4.0°"), "{good:?}");
+    assert!(good.text.contains("R² = 0.9999") || good.text.contains("R² = 1.0000"), "{good:?}");
+    assert_eq!(told("1,5,100\n1,20,100\n2,6,100\n3,30,100\n").weight, Weight::Warning);
+    let wrong = told("1,5,100\n2,ten,100\n");
+    assert!(wrong.weight == Weight::Wrong && wrong.text.contains("line 3: force_n"), "{wrong:?}");
+}

@@ -1,9 +1,11 @@
 //! Jₘ and the place of the paddle from a measured course of force and thickness.
 
+mod foretold;
 mod gravity;
 mod page;
 mod posterior;
 
+pub use foretold::{Foretold, foretell, foretold_chart, foretold_said, foretold_table};
 pub use gravity::{Both, Hanging, gravity_table};
 pub use page::{course_table, page, posterior_table, said};
 pub use posterior::{Course, Grid, Marginal, Posterior, RecordError};
@@ -49,12 +51,7 @@ pub fn way(
 ) -> (String, CompressPlan) {
     let least = record.iter().map(|m| m.thickness_mm).fold(f64::INFINITY, f64::min);
     let law = CompressLaw { name: LawName::Gent, jm: Some(jm), ..plan.law };
-    let stop = StopPlan {
-        thickness_mm: Some(least - FARTHER_MM),
-        force_n: None,
-        mean_pressure_kpa: None,
-        peak_pressure_kpa: None,
-    };
+    let stop = StopPlan { thickness_mm: Some(least - FARTHER_MM), ..StopPlan::default() };
     let label = format!("jm_{jm}_at_{distance_mm}mm").replace('.', "-");
     (label, CompressPlan { law, stop, chest_wall_distance_mm: distance_mm, ..plan.clone() })
 }

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray
 
-from .fields import Field, weighted_percentile
+from .fields import Field, principal_stresses, weighted_percentile
 from .mesh import Surface
 from .states import State
 from .transform import RigidTransform
@@ -115,6 +115,20 @@ class Compression:
         """Von Mises stress that `percent` of the compressed volume does not exceed."""
         mesh = self.state.mesh
         return weighted_percentile(mesh.cell_fields["von_mises_kpa"].values, mesh.volumes_mm3, percent)
+
+    def principal_stress_percentile_kpa(self, percent: float, which: str = "largest") -> float:
+        """Principal stress (`largest` or `smallest`, positive in tension) that `percent` of the volume does not exceed."""
+        mesh = self.state.mesh
+        column = {"largest": 0, "smallest": 2}[which]
+        values = principal_stresses(mesh.cell_fields["cauchy_kpa"].values)[:, column]
+        return weighted_percentile(values, mesh.volumes_mm3, percent)
+
+    @property
+    def peak_pressure_place_mm(self) -> np.ndarray:
+        """Node with the largest contact pressure, in the frame of the detector: y from the plates' chest-wall edge."""
+        mesh = self.state.mesh
+        node = int(np.argmax(mesh.point_fields["contact_pressure_kpa"].values))
+        return self.to_detector(mesh.points[node][None])[0]
 
     def strain_percentile(self, percent: float) -> float:
         """Largest principal logarithmic strain that `percent` of the compressed volume does not exceed."""

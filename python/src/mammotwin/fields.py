@@ -53,6 +53,11 @@ def von_mises(cauchy: np.ndarray) -> np.ndarray:
     return np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
 
 
+def principal_stresses(cauchy: np.ndarray) -> np.ndarray:
+    """Eigenvalues of the Cauchy stress (n, 3, 3), largest first, positive in tension; same unit."""
+    return np.linalg.eigvalsh(cauchy)[:, ::-1]
+
+
 def principal_stretches(gradient: np.ndarray) -> np.ndarray:
     """Singular values of the deformation gradient (n, 3, 3), largest first."""
     return np.linalg.svd(gradient, compute_uv=False)

@@ -1,6 +1,7 @@
 //! A model between plates: equilibrium of body and paddle, and what is recorded of it.
 
 use super::meet::{Met, Reached, meet};
+use super::stop::slope_mn_per_mm;
 use super::{Plates, Pressing, Step, Stops};
 use crate::assemble::State;
 use crate::model::Model;
@@ -167,6 +168,7 @@ impl Press<'_> {
     pub fn meet(
         &mut self,
         stops: &Stops,
+        course: &[[f64; 2]],
         [thick, thin]: [(&State, &Step); 2],
         at: &impl Fn(f64) -> Load,
     ) -> Met<State> {
@@ -184,13 +186,21 @@ impl Press<'_> {
                 self.forget();
                 return None;
             }
-            let step = self.record(&trial);
+            let step = self.record_after(course, &trial);
             Some(reached(&trial, &step))
         };
         meet(reached(thick.0, thick.1), reached(thin.0, thin.1), go)
     }
 
-    /// What a state is, without its motion since another one.
+    /// What a state is after a course, thickness (mm) and force (mN) of each recorded state.
+    pub fn record_after(&self, course: &[[f64; 2]], state: &State) -> Step {
+        let step = self.record(state);
+        let last = &course[course.len().saturating_sub(2)..];
+        let slope_mn_per_mm = slope_mn_per_mm(&[last, &[step.place()]].concat());
+        Step { slope_mn_per_mm, ..step }
+    }
+
+    /// What a state is, without its motion since another one and the slope of its force.
     pub fn record(&self, state: &State) -> Step {
         let axis = self.plates.axis;
         let areas = skin_around(&state.points, &self.plates.faces);
@@ -244,6 +254,7 @@ impl Press<'_> {
             gaps_mm: gaps_mm.unwrap_or([state.load.thickness_mm; 2]),
             paddle_force_mn,
             receptor_force_mn,
+            slope_mn_per_mm: 0.0,
             contact_area_mm2: contact_area,
             front_area_mm2: upright(true),
             edge_area_mm2: upright(false),

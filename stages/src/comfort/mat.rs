@@ -116,13 +116,13 @@ fn barycentric() -> impl Iterator<Item = [f64; 3]> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::compress::{Course, PlateContact};
     use mammotwin_data::{labels::Tissue, mesh::TetMesh, solution::Solution};
 
     /// A square of skin, 40 mm wide, that bears 2 kPa on its face.
-    fn pressed() -> Compression {
+    pub(in crate::comfort) fn pressed() -> Compression {
         let mut points = Vec::new();
         let mut skin = Vec::new();
         let nodes = 11;

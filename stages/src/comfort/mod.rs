@@ -8,8 +8,13 @@ pub use mat::PressureMat;
 
 use crate::{compress::Compression, quality::Metrics, results::principal_stretches};
 use mammotwin_data::{
-    Failure, Mat3, Vec3, metric::Metric, progress::Progress, solution::von_mises_kpa, store::Stage,
-    study::ComfortPlan, units::NEWTON,
+    Failure, Mat3, Vec3,
+    metric::Metric,
+    progress::Progress,
+    solution::{principal_stresses_kpa, von_mises_kpa},
+    store::Stage,
+    study::ComfortPlan,
+    units::NEWTON,
 };
 use mammotwin_solver::compress::Pressing;
 use serde::Serialize;
@@ -80,6 +85,10 @@ impl Region {
 pub struct Burden {
     /// Von Mises stress (kPa).
     pub von_mises_kpa: Vec<f64>,
+    /// Largest principal stress (kPa), positive in tension.
+    pub largest_stress_kpa: Vec<f64>,
+    /// Smallest principal stress (kPa), negative in compression.
+    pub smallest_stress_kpa: Vec<f64>,
     /// Largest principal stretch.
     pub stretch: Vec<f64>,
     /// Volume (mm³).
@@ -104,7 +113,12 @@ impl Burden {
             }
         };
         let largest = |f: &Mat3| principal_stretches(f)[0];
+        let principal = solution.cauchy_kpa.iter().map(principal_stresses_kpa);
+        let (largest_stress_kpa, smallest_stress_kpa) =
+            principal.map(|[most, least]| (most, least)).unzip();
         Self {
+            largest_stress_kpa,
+            smallest_stress_kpa,
             von_mises_kpa: solution.cauchy_kpa.iter().map(von_mises_kpa).collect(),
             stretch: solution.deformation_gradient.iter().map(largest).collect(),
             volume_mm3: compression.volumes_mm3(),
@@ -120,6 +134,13 @@ impl Burden {
     }
 }
 
+/// Place (mm, frame of the detector) of the node with the largest contact pressure; `None` where nothing presses.
+pub fn peak(compression: &Compression) -> Option<Vec3> {
+    let pressures = compression.contact_pressure_kpa.iter().enumerate();
+    let (node, largest) = pressures.max_by(|a, b| a.1.total_cmp(b.1))?;
+    (*largest > 0.0).then(|| compression.solution.points[node])
+}
+
 /// Contact pressure (kPa) of both plates node by node, with the area of their faces (mm²): an upright
 /// front has next to none.
 pub fn face_pressures(compression: &Compression) -> Vec<Weighted> {
@@ -130,11 +151,11 @@ pub fn face_pressures(compression: &Compression) -> Vec<Weighted> {
 
 impl Stage for Comfort {
     const NAME: &'static str = "comfort";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const METHODS: &'static str = "Comfort is described by the contact pressure by area of the plates' faces, their upright \
-         fronts and other edges apart, by the share of the force near the chest wall, by what a virtual pressure mat \
-         shows, and by von Mises stress, largest stretch and largest logarithmic strain by volume and \
-         region (after Mîra 2018, § 5.3.1); percentiles are given since maxima depend on the mesh.";
+         fronts and other edges apart, by the place of the largest one, by the share of the force near the chest wall, by what a \
+         virtual pressure mat shows, and by von Mises and principal stresses, largest stretch and largest logarithmic strain by \
+         volume and region (after Mîra 2018, § 5.3.1); percentiles are given since maxima depend on the mesh.";
     type Input = Compression;
     type Output = Metrics;
 
@@ -186,8 +207,30 @@ impl Stage for Comfort {
         let share = if all > 0.0 { near / all } else { 0.0 };
         add("juxtathoracic_share", &long, "", share, None);
 
-        let peak = compression.contact_pressure_kpa.iter().copied().fold(0.0, f64::max);
-        add("peak_pressure_kpa", "largest contact pressure", "kPa", peak, Some(77.7));
+        let most = compression.contact_pressure_kpa.iter().copied().fold(0.0, f64::max);
+        add("peak_pressure_kpa", "largest contact pressure", "kPa", most, Some(77.7));
+        if let Some(place) = peak(compression) {
+            let of = "of the largest contact pressure, frame of the detector";
+            let sides = [
+                ("x", "along the chest-wall edge"),
+                ("y", "away from the chest-wall edge of the plates"),
+                ("z", "above the receptor"),
+            ];
+            for ((axis, words), mm) in sides.into_iter().zip(place.iter()) {
+                add(
+                    &format!("peak_pressure_{axis}_mm"),
+                    &format!("place {of}: {words}"),
+                    "mm",
+                    *mm,
+                    None,
+                );
+            }
+            let near = f64::from(u8::from(place.y < self.plan.juxtathoracic_mm));
+            let long = format!(
+                "1 where the largest contact pressure lies within {within} mm of that edge, else 0"
+            );
+            add("peak_pressure_juxtathoracic", &long, "", near, None);
+        }
         let pressures = face_pressures(compression);
         let touched = || compression.plates.iter().flat_map(|plate| plate.touched());
         let largest = |belongs: &dyn Fn(&Pressing) -> bool| {
@@ -226,6 +269,14 @@ impl Stage for Comfort {
             let long = format!("largest logarithmic strain, {percent:.0} % of the volume");
             let value = percentile(burden.by_volume(&strain, None), share);
             add(&format!("strain_{word}"), &long, "", value, None);
+            let long = format!("largest principal stress, {percent:.0} % of the volume");
+            let value = percentile(burden.by_volume(&burden.largest_stress_kpa, None), share);
+            add(&format!("largest_stress_{word}_kpa"), &long, "kPa", value, None);
+        }
+        for (share, word) in [(0.01, "p01"), (0.05, "p05"), (0.5, "p50")] {
+            let long = format!("smallest principal stress, {:.0} % of the volume", 100.0 * share);
+            let value = percentile(burden.by_volume(&burden.smallest_stress_kpa, None), share);
+            add(&format!("smallest_stress_{word}_kpa"), &long, "kPa", value, None);
         }
         for region in Region::ALL {
             let (name, words) = (region.name(), region.words());
@@ -238,7 +289,21 @@ impl Stage for Comfort {
                 let long = format!("largest stretch, {words}, {percent:.0} % of the volume");
                 let value = percentile(burden.by_volume(&burden.stretch, Some(region)), share);
                 add(&format!("stretch_{name}_{word}"), &long, "", value, None);
+                let long =
+                    format!("largest principal stress, {words}, {percent:.0} % of the volume");
+                let values = burden.by_volume(&burden.largest_stress_kpa, Some(region));
+                let value = percentile(values, share);
+                add(&format!("largest_stress_{name}_{word}_kpa"), &long, "kPa", value, None);
             }
+            let long = format!("smallest principal stress, {words}, 5 % of the volume");
+            let values = burden.by_volume(&burden.smallest_stress_kpa, Some(region));
+            add(
+                &format!("smallest_stress_{name}_p05_kpa"),
+                &long,
+                "kPa",
+                percentile(values, 0.05),
+                None,
+            );
         }
         Ok(Metrics { metrics, ..Metrics::default() })
     }
@@ -247,6 +312,46 @@ impl Stage for Comfort {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mammotwin_data::progress::Silent;
+
+    fn metric(compression: &Compression, juxtathoracic_mm: f64, name: &str) -> f64 {
+        let plan = ComfortPlan { juxtathoracic_mm, ..ComfortPlan::default() };
+        let found = Comfort { plan }.run(compression, &Silent).unwrap().metrics;
+        found.iter().find(|metric| metric.name == name).unwrap().value
+    }
+
+    /// A square of 40 mm of skin under 2 kPa, nodes each 4 mm from its edge on: the share of the nodes nearer
+    /// than a limit is that of their areas.
+    #[test]
+    fn the_juxtathoracic_share_of_an_even_load_is_that_of_its_area() {
+        let mut pressed = mat::tests::pressed();
+        for (within_mm, share) in [(20.0, 0.45), (22.0, 0.55), (0.0, 0.0), (100.0, 1.0)] {
+            let found = metric(&pressed, within_mm, "juxtathoracic_share");
+            assert!((found - share).abs() < 1e-12, "{within_mm} mm: {found}");
+        }
+        // Twice the force on the nodes within 20 mm: 0.9 of 1.45.
+        let points = pressed.solution.points.clone();
+        for (force, p) in pressed.plates[1].force_mn.iter_mut().zip(&points) {
+            *force *= if p.y < 20.0 { 2.0 } else { 1.0 };
+        }
+        let found = metric(&pressed, 20.0, "juxtathoracic_share");
+        assert!((found - 0.9 / 1.45).abs() < 1e-12, "{found}");
+    }
+
+    #[test]
+    fn the_largest_pressure_has_a_place() {
+        let mut pressed = mat::tests::pressed();
+        let there = Vec3::new(8.0, 12.0, 30.0);
+        let node = pressed.solution.points.iter().position(|p| *p == there).unwrap();
+        pressed.contact_pressure_kpa[node] = 9.0;
+        for (axis, mm) in ["x", "y", "z"].into_iter().zip(there.iter()) {
+            assert_eq!(metric(&pressed, 20.0, &format!("peak_pressure_{axis}_mm")), *mm);
+        }
+        assert_eq!(metric(&pressed, 20.0, "peak_pressure_juxtathoracic"), 1.0);
+        assert_eq!(metric(&pressed, 12.0, "peak_pressure_juxtathoracic"), 0.0);
+        pressed.contact_pressure_kpa.fill(0.0);
+        assert_eq!(peak(&pressed), None);
+    }
 
     #[test]
     fn percentiles_go_by_weight() {

@@ -32,8 +32,8 @@ pub(super) fn paddle(
     let paddle = match plan.paddle {
         PaddleName::Rigid => Paddle::Rigid,
         PaddleName::Flex => {
-            let HingePlan { axis_mm, linear_n_mm_per_rad, quadratic_n_mm_per_rad2 } =
-                plan.hinge.unwrap_or_default();
+            let HingePlan { axis_mm, linear_n_mm_per_rad, quadratic_n_mm_per_rad2, .. } =
+                plan.hinge.clone().unwrap_or_default();
             let linear_mn_mm = linear_n_mm_per_rad * NEWTON;
             let quadratic_mn_mm = quadratic_n_mm_per_rad2 * NEWTON;
             Paddle::Flex(Hinge { axis_mm, linear_mn_mm, quadratic_mn_mm })

@@ -6,7 +6,7 @@ use mammotwin_data::{
     Failure, Vec3,
     mesh::{Patch, TetMesh},
     progress::{Part, Progress, Silent},
-    study::{EDGE_RADIUS_MM, ModelPlan},
+    study::{EDGE_RADIUS_MM, ModelPlan, ReceptorName},
     surface::TriMesh,
     units::NEWTON,
 };
@@ -94,7 +94,8 @@ impl Compress {
             faces: skin.filter(|face| face.iter().all(near)).copied().collect(),
         };
         let nipple_node = nearest(&part.mesh.points, &base.nipple);
-        let closing = self.closing(&plates, &settled, nipple_node)?;
+        let fold_mm = axis.dot(&base.fold());
+        let closing = self.closing(&plates, &settled, nipple_node, fold_mm)?;
         let part_of = Part { whole: progress, from: 0.1, to: 1.0 };
         let done = press::compress(model, &plates, &closing, &settled, &options, &part_of)
             .map_err(refuse)?;
@@ -102,12 +103,14 @@ impl Compress {
         Ok(result(side, mesh, nipple_node, &plates, done))
     }
 
-    /// Both plates come alike to the height of the nipple: the receptor is raised to the breast.
+    /// Both plates come alike to the height of the nipple: the receptor is raised to the breast. Or it stays at
+    /// the fold, `fold_mm` along the axis, and not above the lowest skin between the plates.
     pub(super) fn closing(
         &self,
         plates: &press::Plates,
         points: &[Vec3],
         nipple_node: u32,
+        fold_mm: f64,
     ) -> Result<press::Closing, Failure> {
         let (low, height) = plates.touching(points);
         if !(height > 0.0 && height.is_finite()) {
@@ -117,9 +120,19 @@ impl Compress {
                 self.plan.chest_wall_distance_mm
             )));
         }
-        let nipple = plates.axis.dot(&points[nipple_node as usize]) + self.plan.receptor_lift_mm;
-        let middle = nipple.clamp(low, low + height);
-        let thickness_mm = 2.0 * (low + height - middle).max(middle - low);
+        let lift_mm = self.plan.receptor_lift_mm;
+        let (receptor_mm, thickness_mm, receptor_share) = match self.plan.receptor {
+            ReceptorName::Nipple => {
+                let nipple = plates.axis.dot(&points[nipple_node as usize]) + lift_mm;
+                let middle = nipple.clamp(low, low + height);
+                let thickness_mm = 2.0 * (low + height - middle).max(middle - low);
+                (middle - 0.5 * thickness_mm, thickness_mm, 0.5)
+            }
+            ReceptorName::Fold => {
+                let receptor_mm = low.min(fold_mm + lift_mm);
+                (receptor_mm, low + height - receptor_mm, 0.0)
+            }
+        };
         let stop = &self.plan.stop;
         if let Some(goal) = stop.thickness_mm.filter(|goal| *goal >= height) {
             return Err(Failure::BadInput(format!(
@@ -128,15 +141,16 @@ impl Compress {
             )));
         }
         Ok(press::Closing {
-            receptor_mm: middle - 0.5 * thickness_mm,
+            receptor_mm,
             thickness_mm,
-            receptor_share: 0.5,
+            receptor_share,
             step_mm: STEP_MM,
             stops: press::Stops {
                 thickness_mm: stop.thickness_mm,
                 force_mn: stop.force_n.map(|force| force * NEWTON),
                 mean_pressure_kpa: stop.mean_pressure_kpa,
                 peak_pressure_kpa: stop.peak_pressure_kpa,
+                least_gain_mm_per_n: stop.least_gain_mm_per_n,
             },
         })
     }

@@ -8,7 +8,7 @@ use super::{
     record::{Channel, Reading, Record, RecordError},
 };
 use crate::{
-    compress::Compress,
+    compress::{Compress, Compression},
     volunteer::{Preset, Torso, mechanics::TruthBody, model_plan},
 };
 use mammotwin_data::{
@@ -17,7 +17,7 @@ use mammotwin_data::{
     progress::Silent,
     study::{
         CompressLaw, CompressPlan, Elements, LawConstants, LawName, MeshPlan, ModelPlan,
-        PaddleName, StopPlan, View,
+        PaddleName, ReceptorName, StopPlan, View,
     },
 };
 use mammotwin_solver::mesh::lattice::Placement;
@@ -118,6 +118,7 @@ impl Person {
             receptor_lift_mm: 0.0,
             start_pose: None,
             paddle: PaddleName::Rigid,
+            receptor: ReceptorName::Nipple,
             hinge: None,
             plate: None,
             curve: None,
@@ -157,10 +158,17 @@ impl Ready {
     /// # Errors
     /// As [`Compress::press`].
     pub fn press(&self, plan: &CompressPlan) -> Result<Pressed, Failure> {
+        Ok(Pressed::of(&self.compressed(plan)?))
+    }
+
+    /// The same, with all that a compression has.
+    ///
+    /// # Errors
+    /// As [`Compress::press`].
+    pub fn compressed(&self, plan: &CompressPlan) -> Result<Compression, Failure> {
         let compress = Compress { model: self.model.clone(), plan: plan.clone() };
         let (body, rest) = (self.body.body(&self.model), &self.body.mesh.points);
-        let made = compress.press(&body, rest, self.body.moduli(), None, &Silent)?;
-        Ok(Pressed::of(&made))
+        compress.press(&body, rest, self.body.moduli(), None, &Silent)
     }
 }
 

@@ -36,6 +36,11 @@ impl BreastBase {
         [d.dot(&self.lateral) / self.half_axes_mm[0], d.dot(&self.cranial) / self.half_axes_mm[1]]
     }
 
+    /// The inframammary fold: the lower end of the base (mm).
+    pub fn fold(&self) -> Vec3 {
+        self.center - self.half_axes_mm[1] * self.cranial
+    }
+
     /// Elliptic radius of a point: 1 on the rim of the base.
     pub fn radius(&self, p: &Vec3) -> f64 {
         let [a, b] = self.elliptic(p);

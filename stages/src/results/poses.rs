@@ -102,7 +102,7 @@ fn put_fit(file: &mut Writer, group: &str, fit: &PoseFit, long_name: &str) -> Re
 }
 
 /// Moduli that are drawn.
-const DRAWS: usize = 1000;
+pub const DRAWS: usize = 1000;
 
 /// Writes `/calibration`; `rest` is the stress-free shape that belongs to the fitted moduli.
 pub fn put_calibration(

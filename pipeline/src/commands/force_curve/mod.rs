@@ -135,8 +135,7 @@ fn pressing(plan: &CompressPlan, record: &Record) -> CompressPlan {
     let stop = StopPlan {
         thickness_mm: Some((ROUND_MM * (thinnest_mm / ROUND_MM).floor()).max(ROUND_MM)),
         force_n: Some((ROUND_N * (most_n / ROUND_N).ceil()).clamp(LEAST_FORCE_N, 500.0)),
-        mean_pressure_kpa: None,
-        peak_pressure_kpa: None,
+        ..StopPlan::default()
     };
     CompressPlan { stop, ..plan.clone() }
 }

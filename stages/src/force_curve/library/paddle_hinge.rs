@@ -23,7 +23,7 @@ pub(super) const EFFECT: CurveEffect = CurveEffect {
 fn apply(plan: &mut CompressPlan, amplitude: f64) {
     let own = if plan.paddle == PaddleName::Flex { 1.0 } else { 0.0 };
     let softer = own + amplitude;
-    let mut hinge = plan.hinge.unwrap_or_default();
+    let mut hinge = plan.hinge.clone().unwrap_or_default();
     hinge.linear_n_mm_per_rad /= softer;
     hinge.quadratic_n_mm_per_rad2 /= softer;
     (plan.paddle, plan.hinge) = (PaddleName::Flex, Some(hinge));

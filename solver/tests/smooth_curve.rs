@@ -1,0 +1,98 @@
+//! Whether the force grows smoothly with the compression: contact comes node by node, and leaps would make slopes useless.
+//!
+//! Slopes dF/dh of successive states, 2 mm apart, are compared with the parabola through the slopes around each of
+//! them (three on both sides). The jitter is the root mean square of what is left over the mean slope there.
+
+#![allow(clippy::unwrap_used)] // a test may fail at once
+
+mod common;
+
+use common::squeeze::Squeeze;
+use common::{Body, coarse, fine};
+use mammotwin_data::study::LawName;
+use mammotwin_solver::compress::{Compressed, Stops};
+use mammotwin_solver::materials::Law;
+use mammotwin_solver::paddles::{Outline, Paddle};
+
+/// Slopes on both sides of one that its parabola is fitted to.
+const SIDE: usize = 3;
+
+/// Slope (mN/mm) of the force between successive states.
+fn slopes(curve: &[[f64; 2]]) -> Vec<f64> {
+    curve.windows(2).map(|pair| (pair[1][1] - pair[0][1]) / (pair[0][0] - pair[1][0])).collect()
+}
+
+/// Relative jitter of slopes at even steps, and the largest single one: what is left beside parabolas, over
+/// the mean of the slopes around.
+fn jitter(slopes: &[f64]) -> [f64; 2] {
+    // The value of the least squares parabola in the middle of seven points (Savitzky & Golay 1964).
+    const WEIGHTS: [f64; 2 * SIDE + 1] = [-2.0, 3.0, 6.0, 7.0, 6.0, 3.0, -2.0];
+    let parts = slopes.windows(2 * SIDE + 1).map(|around| {
+        let fit = around.iter().zip(WEIGHTS).map(|(s, w)| s * w).sum::<f64>() / 21.0;
+        let mean = around.iter().sum::<f64>() / around.len() as f64;
+        (around[SIDE] - fit) / mean
+    });
+    let parts: Vec<f64> = parts.collect();
+    let squares = parts.iter().map(|part| part * part).sum::<f64>();
+    let largest = parts.iter().map(|part| part.abs()).fold(0.0, f64::max);
+    [(squares / parts.len() as f64).sqrt(), largest]
+}
+
+fn squeeze(body: &Body, law: Law, step_mm: f64, goal_mm: f64) -> Compressed {
+    Squeeze {
+        law,
+        radius_mm: 10.0,
+        paddle: Paddle::Rigid,
+        outline: Outline::ENDLESS,
+        middle_mm: 0.0,
+        friction: 0.0,
+        step_mm,
+        stops: Stops::at_thickness(goal_mm),
+    }
+    .run(body)
+}
+
+/// Jitter of a compression from the thickness (mm) on at which the breast is surely held.
+fn measured(done: &Compressed, from_mm: f64) -> [f64; 2] {
+    assert!(done.stopped_early.is_none(), "{:?}", done.stopped_early);
+    let held = done.steps.iter().filter(|step| step.thickness_mm <= from_mm);
+    let curve: Vec<[f64; 2]> = held.map(|s| [s.thickness_mm, s.paddle_force_mn]).collect();
+    let [rms, largest] = jitter(&slopes(&curve));
+    println!(
+        "{} states: jitter {:.2} %, largest {:.2} %",
+        curve.len(),
+        100.0 * rms,
+        100.0 * largest
+    );
+    [rms, largest]
+}
+
+#[test]
+fn a_parabola_has_no_jitter_and_a_zigzag_has_its_own() {
+    let smooth: Vec<f64> =
+        (0..30).map(|n| 20.0 + 3.0 * f64::from(n) + 0.2 * f64::from(n * n)).collect();
+    assert!(jitter(&smooth)[1] < 1e-12);
+    let rough: Vec<f64> = (0..30).map(|n| 100.0 + if n % 2 == 0 { 1.0 } else { -1.0 }).collect();
+    // The parabola keeps (7 - 2 · 6 + 2 · 3 + 2 · 2) / 21 of it.
+    let left = 0.01 * (1.0 - 5.0 / 21.0);
+    assert!((jitter(&rough)[0] / left - 1.0).abs() < 0.01, "{:?}", jitter(&rough));
+}
+
+/// Verifies: smooth curve of force and thickness, steps of 2 mm: jitter of dF/dh | a parabola around each slope | 2 %
+#[test]
+fn forces_grow_smoothly() {
+    let law = Law::neo_hookean_coupled(0.5, 0.49).unwrap();
+    let [rms, _] = measured(&squeeze(&coarse(), law, 2.0, 76.0), 120.0);
+    assert!(rms < 0.02, "{rms}");
+}
+
+#[test]
+#[ignore = "minutes: 20 k tetrahedra, steps of 1 mm, to 50 mm"]
+fn forces_grow_smoothly_on_fine_elements_and_near_the_limiting_stretch() {
+    let soft = Law::neo_hookean_coupled(0.5, 0.49).unwrap();
+    let [rms, _] = measured(&squeeze(&fine(), soft, 1.0, 50.0), 120.0);
+    assert!(rms < 0.02, "{rms}");
+    let gent = Law::new(LawName::Gent, 0.5, 0.49, Some(2.0)).unwrap();
+    let [rms, _] = measured(&squeeze(&coarse(), gent, 2.0, 50.0), 120.0);
+    assert!(rms < 0.02, "{rms}");
+}
