@@ -1,4 +1,5 @@
-//! Time of one assembly of gradient and matrix: 20 thousand linear tetrahedra, one law each.
+//! Time of one assembly of gradient and matrix: 20 thousand linear tetrahedra, one law each; with all cores and
+//! with one.
 
 #![allow(missing_docs, clippy::unwrap_used)] // a benchmark may fail at once
 
@@ -26,13 +27,19 @@ fn assembly(bench: &mut Criterion) {
         let mut assembly = Assembly::new(&model).unwrap();
         let state = State::new(&model, points.clone(), Load::GRAVITY);
         let (mut gradient, mut values, mut pressure) = (Vec::new(), Vec::new(), Vec::new());
-        bench.bench_function(&format!("newton_system/{name}"), |b| {
-            b.iter(|| {
-                assembly
-                    .newton_system(&model, &state, Curvature::Exact, &mut gradient, &mut values)
-                    .unwrap();
+        let mut system = |bench: &mut Criterion, name: String| {
+            bench.bench_function(&name, |b| {
+                b.iter(|| {
+                    assembly
+                        .newton_system(&model, &state, Curvature::Exact, &mut gradient, &mut values)
+                        .unwrap();
+                });
             });
-        });
+        };
+        system(bench, format!("newton_system/{name}"));
+        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        // Criterion itself need not run in the pool, but what it measures does.
+        one.install(|| system(bench, format!("newton_system/{name}/one_core")));
         bench.bench_function(&format!("energy/{name}"), |b| {
             b.iter(|| assembly.energy(&model, &state, &points, &mut pressure).unwrap());
         });

@@ -10,7 +10,7 @@ use crate::model::{Model, ModelError};
 use crate::paddles::{AT_REST, Outline, Paddle, Pose, RoundedPlate};
 use crate::solve::{self, Options, SolveError};
 use crate::terms::plate::{Plate, PlateKind};
-use crate::terms::{Load, Slip};
+use crate::terms::{At, Load, Slip, Term};
 use mammotwin_data::{
     Vec3,
     progress::Progress,
@@ -350,6 +350,9 @@ pub fn compress(
         pose: AT_REST,
     };
     let (newton, state) = solve::prepare(&model, start, at(closing.thickness_mm))?;
+    for (plate, &index) in [&receptor, &paddle].into_iter().zip(&indices) {
+        apart(plate, &state.at(index), closing.step_mm).map_err(refuse)?;
+    }
     let mut press = Press {
         model,
         plates,
@@ -432,6 +435,17 @@ pub fn compress(
     }
     let solution = solve::finish(&press.newton, &press.model, &state, press.counts)?;
     Ok(Compressed { steps, solution, met, stopped_early })
+}
+
+/// # Errors
+/// A plate that lies deeper in the skin than a step.
+fn apart(plate: &Plate, at: &At, step_mm: f64) -> Result<(), ModelError> {
+    let check = plate.contact(at).unwrap_or_default();
+    if check.penetration_mm <= step_mm {
+        return Ok(());
+    }
+    let (node, depth_mm) = (plate.nodes(check.worst_open)[0], check.penetration_mm);
+    Err(ModelError::Overlap { term: plate.name().into(), node, depth_mm, step_mm })
 }
 
 /// Largest motion (mm) of a node between two states.

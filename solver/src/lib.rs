@@ -10,6 +10,7 @@ pub mod assemble;
 pub mod compress;
 pub mod distance;
 mod eigen;
+mod held;
 pub mod linear;
 pub mod materials;
 pub mod mesh;

@@ -69,6 +69,49 @@ pub enum ModelError {
         /// Where it is (mm).
         place: [f64; 3],
     },
+    /// A term that acts on nothing.
+    #[error("{0}: no element, face or node; give it some, or leave it out")]
+    Empty(String),
+    /// A node without a place.
+    #[error("node {node} is at {place:?} mm at rest; give it finite coordinates")]
+    NotFinite {
+        /// The node.
+        node: usize,
+        /// Where it is (mm).
+        place: [f64; 3],
+    },
+    /// A part of the body that may move as a rigid one.
+    #[error(
+        "nothing holds the body against {motions} of {of} rigid motions of its {nodes} nodes around node {node} \
+         at {place:?} mm; fix more of its nodes, or tie it by a contact or cables"
+    )]
+    Unheld {
+        /// Independent motions that nothing resists.
+        motions: usize,
+        /// Independent motions that there are.
+        of: usize,
+        /// Number of nodes that move along.
+        nodes: usize,
+        /// The first of them.
+        node: usize,
+        /// Where it is (mm).
+        place: [f64; 3],
+    },
+    /// A plate that begins inside of the body.
+    #[error(
+        "{term}: begins {depth_mm:.1} mm inside of the skin (node {node}), deeper than one step of {step_mm} mm; begin \
+         with the plates farther apart"
+    )]
+    Overlap {
+        /// Name of the plate.
+        term: String,
+        /// The node that lies deepest in it.
+        node: u32,
+        /// How deep (mm).
+        depth_mm: f64,
+        /// Largest change of the thickness between states (mm).
+        step_mm: f64,
+    },
     /// Two terms of one name.
     #[error("two terms are named {0}; give each its own name")]
     SameName(String),
@@ -97,10 +140,13 @@ impl Model {
     /// Adds a term.
     ///
     /// # Errors
-    /// A second term of the same name, or a term on nodes that the mesh has not.
+    /// A second term of the same name, a term without elements, or one on nodes that the mesh has not.
     pub fn add(&mut self, term: impl Term + 'static) -> Result<(), ModelError> {
         if self.terms.iter().any(|other| other.name() == term.name()) {
             return Err(ModelError::SameName(term.name().into()));
+        }
+        if term.elements() == 0 {
+            return Err(ModelError::Empty(term.name().into()));
         }
         for &node in (0..term.elements()).flat_map(|e| term.nodes(e)) {
             let nodes = self.rest.len();

@@ -57,6 +57,8 @@ const ROUNDING: f64 = 1e-13;
 const NEARBY: f64 = 1e-5;
 /// A step that only rounding would notice ends the search below this multiple of the residual.
 const NEARLY: f64 = 100.0;
+/// Part of the diagonal of the stiffness that is rounding.
+const NOTHING: f64 = 1e-9;
 /// Forces are compared with at least this (mN), so that a body without load is in balance.
 ///
 /// Rounding leaves 1.4e-6 mN on a body of 200 mm with skin of 10 kPa that nothing loads.
@@ -317,6 +319,22 @@ impl Newton {
         self.system.solve(&rhs, &mut self.step).ok()?;
         let direction = self.assembly.displacement(&self.step);
         (self.slope(&direction) < 0.0).then_some(direction)
+    }
+
+    /// Directions in which the energy falls to second order from a state: negative eigenvalues of its
+    /// exact second derivatives beyond those of the pressures. Zero where it has none.
+    pub fn falling(&mut self, model: &Model, state: &State) -> usize {
+        if self.derivatives(model, state, Curvature::Exact).is_err() {
+            return 0;
+        }
+        // Motions that cost nothing, as those of a body that slips, do not count.
+        let starts = &self.assembly.pattern().starts;
+        for &diagonal in &starts[..starts.len() - 1] {
+            self.values[diagonal] += NOTHING * self.values[diagonal].max(0.0);
+        }
+        let known = self.system.factor_sum(&self.values, 0.0, &[]).is_ok();
+        let negative = if known { self.system.negative_pivots() } else { 0 };
+        negative.saturating_sub(self.assembly.pressures())
     }
 
     fn slope(&self, direction: &[Vec3]) -> f64 {

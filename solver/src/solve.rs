@@ -5,11 +5,14 @@
 //! contacts adjusted until gaps and penetrations are below tolerance, so that no result depends
 //! on a penalty, and friction settled with the normal pressure.
 
-use crate::assemble::{AssemblyError, EnergyError, State};
-use crate::materials::MaterialError;
-use crate::model::Model;
+mod failure;
+
+use crate::assemble::{AssemblyError, State};
+use crate::held;
+use crate::model::{Model, ModelError};
 use crate::newton::{Newton, NewtonError, NewtonOptions};
 use crate::terms::{Curvature, Load};
+use failure::{Failure, stopped};
 use mammotwin_data::{
     Vec3,
     progress::{Progress, Silent},
@@ -47,13 +50,21 @@ pub enum SolveError {
     /// The model cannot be solved at all.
     #[error(transparent)]
     Assembly(#[from] AssemblyError),
-    /// Wrong number of start positions, or one that is no number.
-    #[error("{got} start positions for {wanted} nodes, or one that is not finite")]
+    /// Wrong number of start positions.
+    #[error("{got} start positions for {wanted} nodes; give one for each")]
     Start {
         /// Number of nodes.
         wanted: usize,
         /// Number of start positions.
         got: usize,
+    },
+    /// A node that starts nowhere.
+    #[error("node {node} starts at {place:?} mm; give it finite coordinates")]
+    NotFinite {
+        /// The node.
+        node: usize,
+        /// Where it starts (mm).
+        place: [f64; 3],
     },
     /// A paddle that turns or bends without end.
     #[error(
@@ -76,20 +87,12 @@ pub enum SolveError {
         foam_mm: f64,
     },
     /// The load could not be carried.
-    #[error(
-        "no equilibrium beyond {:.1} % of the load: {why} in {term}, element {element}, at \
-         ({:.1}, {:.1}, {:.1}) mm; {remedy}",
-        100.0 * load_fraction, place_mm.x, place_mm.y, place_mm.z
-    )]
+    #[error("no equilibrium beyond {:.1} % of the load: {why} in {place}; {remedy}", 100.0 * load_fraction)]
     Stopped {
         /// What happened.
         why: String,
-        /// Term of the element.
-        term: String,
-        /// Element that could not follow.
-        element: usize,
-        /// Where it is (mm).
-        place_mm: Vec3,
+        /// Where the body gives way.
+        place: Place,
         /// Fraction of the load that was carried.
         load_fraction: f64,
         /// What to try.
@@ -97,6 +100,58 @@ pub enum SolveError {
         /// The last state in equilibrium, if any.
         last: Option<Box<Solution>>,
     },
+    /// The search ran away from the last equilibrium in directions in which the energy falls, and met nothing
+    /// that stops it: the body is too soft for the load.
+    #[error(
+        "no stable state beyond {:.1} % of the load: the energy falls in {falling} directions where the search ended, in \
+         {place}; stiffen the tissue, hold the body better, or load less",
+        100.0 * load_fraction
+    )]
+    NoStableState {
+        /// Negative eigenvalues of the second derivatives of the energy where the search ended.
+        falling: usize,
+        /// Where forces are farthest from balance.
+        place: Place,
+        /// Fraction of the load that was carried.
+        load_fraction: f64,
+        /// The last state in equilibrium, if any.
+        last: Option<Box<Solution>>,
+    },
+}
+
+/// Where a body gives way.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Place {
+    /// Name of the term.
+    pub term: String,
+    /// Element of the term.
+    pub element: usize,
+    /// The node that is worst; `None` where it is the element as a whole.
+    pub node: Option<usize>,
+    /// Where that node is, or the middle of the element (mm).
+    pub mm: Vec3,
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(out, "{}, element {}", self.term, self.element)?;
+        if let Some(node) = self.node {
+            write!(out, ", node {node}")?;
+        }
+        write!(out, ", at ({:.1}, {:.1}, {:.1}) mm", self.mm.x, self.mm.y, self.mm.z)
+    }
+}
+
+impl SolveError {
+    /// Fraction of the load that was carried.
+    pub fn load_fraction(&self) -> f64 {
+        match self {
+            Self::Stopped { load_fraction, .. } | Self::NoStableState { load_fraction, .. } => {
+                *load_fraction
+            }
+            _ => 0.0,
+        }
+    }
 }
 
 /// Finds the equilibrium under the full load of gravity, with the nodes first at `start` (mm);
@@ -170,15 +225,28 @@ pub(crate) fn prepare(
     start: &[Vec3],
     load: Load,
 ) -> Result<(Newton, State), SolveError> {
-    let finite = start.iter().flatten().all(|x| x.is_finite());
-    if start.len() != model.rest.len() || !finite {
+    if start.len() != model.rest.len() {
         return Err(SolveError::Start { wanted: model.rest.len(), got: start.len() });
+    }
+    if let Some((node, place)) = nowhere(&model.rest) {
+        return Err(AssemblyError::from(ModelError::NotFinite { node, place }).into());
     }
     let mut points = start.to_vec();
     for (&node, place) in model.held() {
         points[node as usize] = *place;
     }
-    Ok((Newton::new(model)?, State::new(model, points, load)))
+    if let Some((node, place)) = nowhere(&points) {
+        return Err(SolveError::NotFinite { node, place });
+    }
+    let newton = Newton::new(model)?;
+    held::check(model, &points).map_err(AssemblyError::from)?;
+    Ok((newton, State::new(model, points, load)))
+}
+
+/// The first node without finite coordinates.
+fn nowhere(points: &[Vec3]) -> Option<(usize, [f64; 3])> {
+    let node = points.iter().position(|p| !p.iter().all(|x| x.is_finite()))?;
+    Some((node, points[node].into()))
 }
 
 /// Follows the equilibrium from the state's load to `target`.
@@ -227,7 +295,11 @@ pub(crate) fn walk(
                 if part < options.smallest_step {
                     let good = last.map(|good| finish(newton, model, &good, *counts));
                     let good = good.and_then(Result::ok).map(Box::new);
-                    return Err(stopped(model, &trial, error, done, good));
+                    let falling = match error {
+                        Failure::Newton(_) => newton.falling(model, &trial),
+                        _ => 0,
+                    };
+                    return Err(stopped(model, &trial, error, falling, done, good));
                 }
             }
         }
@@ -263,7 +335,7 @@ fn balance(
         found.map_err(Failure::Newton)?;
         let contact = state.contact(model);
         tracing::debug!(?contact, load = ?state.load, "contact after a minimum");
-        let open = contact.gap_mm.max(contact.penetration_mm);
+        let open = contact.open_mm();
         let is_tight = open <= options.contact_mm;
         if is_tight && contact.friction_lag <= options.friction {
             return Ok(());
@@ -284,68 +356,6 @@ fn balance(
     Err(if tight < FRICTION_ROUNDS { Failure::Contact } else { Failure::Friction })
 }
 
-#[derive(Debug)]
-enum Failure {
-    Newton(NewtonError),
-    Contact,
-    Friction,
-}
-
-fn stopped(
-    model: &Model,
-    state: &State,
-    failure: Failure,
-    load_fraction: f64,
-    last: Option<Box<Solution>>,
-) -> SolveError {
-    let refused = |error: EnergyError| match error {
-        EnergyError::Refused(at) => Some(at),
-        _ => None,
-    };
-    let (node, refusal) = match failure {
-        Failure::Newton(NewtonError::Start(error)) => (0, refused(error)),
-        Failure::Newton(NewtonError::Stuck { node, ran_into }) => {
-            (node, ran_into.and_then(refused))
-        }
-        Failure::Newton(NewtonError::Slow { node }) => (node, None),
-        Failure::Contact | Failure::Friction => (0, None),
-    };
-    let touches = |node: usize| {
-        let find = |term: usize| {
-            let model_term = &model.terms()[term];
-            let has = |e: &usize| model_term.nodes(*e).contains(&(node as u32));
-            (0..model_term.elements()).find(has).map(|element| (term, element))
-        };
-        (0..model.terms().len()).find_map(find).unwrap_or((0, 0))
-    };
-    let (term, element) = refusal.map_or_else(|| touches(node), |at| (at.term, at.refusal.element));
-    let (why, remedy) = match (&failure, refusal.map(|at| at.refusal.cause)) {
-        (Failure::Contact, _) => (
-            "a contact stays open or penetrated".to_owned(),
-            "check that the contact surfaces reach as far as the body",
-        ),
-        (Failure::Friction, _) => (
-            "friction does not settle with the normal pressure".to_owned(),
-            "lower the friction coefficient, or hold the body better",
-        ),
-        (_, Some(cause @ MaterialError::Locked { .. })) => {
-            (cause.to_string(), "raise Jm of the law, or load less")
-        }
-        (_, Some(cause)) => {
-            (cause.to_string(), "improve the mesh there, stiffen the tissue, or load less")
-        }
-        (_, None) => (
-            "the search for a minimum stalled".to_owned(),
-            "hold the body better, stiffen the tissue, or load less",
-        ),
-    };
-    let nodes = model.terms().get(term).map_or(&[][..], |t| t.nodes(element));
-    let place_mm =
-        nodes.iter().map(|&n| state.points[n as usize]).sum::<Vec3>() / nodes.len().max(1) as f64;
-    let term = model.terms().get(term).map_or_else(String::new, |t| t.name().to_owned());
-    SolveError::Stopped { why, term, element, place_mm, load_fraction, remedy, last }
-}
-
 /// The solution of a state, with everything checked anew.
 pub(crate) fn finish(
     newton: &Newton,
@@ -355,7 +365,7 @@ pub(crate) fn finish(
 ) -> Result<Solution, SolveError> {
     let gradients = newton.assembly.term_gradients(model, state).map_err(|refusal| {
         let error = Failure::Newton(NewtonError::Start(refusal.into()));
-        stopped(model, state, error, 0.0, None)
+        stopped(model, state, error, 0, 0.0, None)
     })?;
     let mut solution = state.report(model);
     let mut scale: f64 = 0.0;

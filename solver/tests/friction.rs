@@ -130,13 +130,21 @@ fn a_block_slips_beyond_the_angle_of_friction_with_the_force_of_coulomb() {
     }
 }
 
-/// Verifies: block that nothing holds; rough plane | closed form | typed failure; 0.1 mN
+/// Verifies: block that nothing holds; rough plane | closed form | `Stopped` with place, no load carried; 0.1 mN
 #[test]
 fn nothing_holds_a_block_that_slips() {
     let (gravity, opening) = (slope(0.36), Opening::Free);
     let case = Case { gravity, opening, slip: Slip::Coulomb(0.3), springs_mn_per_mm: 0.0 };
-    let error = case.solve(&Options::default()).unwrap_err().to_string();
+    let error = case.solve(&Options::default()).unwrap_err();
     println!("{error}");
+    // It slips at the smallest load already, as a whole: the search stalls, and names where.
+    let SolveError::Stopped { place, load_fraction, remedy, last, .. } = error else {
+        panic!("{error:?}")
+    };
+    let mesh = block();
+    assert!(load_fraction == 0.0 && last.is_none(), "{load_fraction}");
+    assert!(place.node.is_some_and(|node| node < mesh.points.len()) && !place.term.is_empty());
+    assert!(place.mm.x > 0.0 && remedy.contains("hold the body better"), "{place:?}: {remedy}");
     // A rough plane holds it.
     let found = Case { slip: Slip::Never, ..case }.solve(&Options::default()).unwrap();
     assert!(

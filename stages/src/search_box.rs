@@ -201,6 +201,16 @@ pub struct Stop {
     pub why: String,
     /// Part of the load that was carried.
     pub carried: f64,
+    /// Whether the solver met nothing that stops the body: [`SolveError::NoStableState`].
+    pub unstable: bool,
+}
+
+impl Found {
+    /// Whether there is no equilibrium and need be none: the solver found no stable state, and the
+    /// weight is more than the tissue carries.
+    pub fn has_no_stable_state(&self) -> bool {
+        self.end.as_ref().is_err_and(|stop| stop.unstable) && self.weight > STANDS_TO
+    }
 }
 
 /// An equilibrium.
@@ -229,7 +239,7 @@ impl Found {
     pub fn faults(&self) -> Vec<String> {
         let state = match &self.end {
             Ok(state) => state,
-            Err(_) if self.weight > STANDS_TO => return Vec::new(),
+            Err(_) if self.has_no_stable_state() => return Vec::new(),
             Err(stop) => return vec![stop.why.clone()],
         };
         let checks = &state.checks;
@@ -323,11 +333,8 @@ impl Case {
 
 impl Stop {
     fn of(error: SolveError) -> Self {
-        let carried = match &error {
-            SolveError::Stopped { load_fraction, .. } => *load_fraction,
-            _ => 0.0,
-        };
-        Self { why: error.to_string(), carried }
+        let unstable = matches!(error, SolveError::NoStableState { .. });
+        Self { why: error.to_string(), carried: error.load_fraction(), unstable }
     }
 }
 
@@ -390,9 +397,12 @@ mod tests {
 
     #[test]
     fn a_run_that_need_not_stand_is_no_fault() {
-        let stop = Stop { why: "an element".into(), carried: 0.5 };
+        let stop = Stop { why: "an element".into(), carried: 0.5, unstable: true };
         let heavy = Found { weight: 8.0, end: Err(stop.clone()) };
-        assert!(heavy.faults().is_empty());
-        assert_eq!(Found { weight: 6.0, end: Err(stop) }.faults(), ["an element"]);
+        assert!(heavy.faults().is_empty() && heavy.has_no_stable_state());
+        assert_eq!(Found { weight: 6.0, end: Err(stop.clone()) }.faults(), ["an element"]);
+        // A heavy breast that fails for another reason is a fault.
+        let torn = Found { weight: 8.0, end: Err(Stop { unstable: false, ..stop }) };
+        assert_eq!(torn.faults(), ["an element"]);
     }
 }

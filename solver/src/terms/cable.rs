@@ -98,6 +98,10 @@ impl Term for Cables {
         std::slice::from_ref(&self.cables[element].node)
     }
 
+    fn ties(&self) -> bool {
+        true
+    }
+
     fn block(
         &self,
         element: usize,

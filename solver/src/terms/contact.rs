@@ -315,9 +315,10 @@ impl Contact {
     /// How well the contact holds.
     pub fn check(&self, at: &At, touch: impl Fn(usize) -> Touch) -> ContactCheck {
         let mut check = ContactCheck::default();
-        let (mut lag, mut pressing) = (0.0, f64::MIN_POSITIVE);
+        let (mut lag, mut pressing, mut most) = (0.0, f64::MIN_POSITIVE, 0.0);
         let covered = self.covered(at.points, &touch);
         for element in 0..self.nodes.len() {
+            let before = lag;
             let touch = touch(element);
             let traction = self.traction(element, at.memory, at.shear_kpa, &touch);
             if let Some(covered) = covered.get(element) {
@@ -327,8 +328,13 @@ impl Contact {
                 lag += force * (share - 1.0).abs();
                 pressing += force;
             } else {
+                let held = self.opening == Opening::Never || traction < 0.0;
+                let open = if held { touch.distance.abs() } else { -touch.distance };
+                if open > check.open_mm() {
+                    check.worst_open = element;
+                }
                 check.penetration_mm = check.penetration_mm.max(-touch.distance);
-                if self.opening == Opening::Never || traction < 0.0 {
+                if held {
                     check.gap_mm = check.gap_mm.max(touch.distance);
                 }
             }
@@ -340,6 +346,9 @@ impl Contact {
                 let change = exact - self.friction(element, at, &touch).traction;
                 lag += self.areas[element] * change.norm();
                 pressing += self.areas[element] * traction.abs() * touch.normal.norm();
+            }
+            if lag - before > most {
+                (most, check.worst_lag) = (lag - before, element);
             }
         }
         check.friction_lag = lag / pressing;

@@ -219,15 +219,28 @@ pub struct ContactCheck {
     /// How far friction lags behind the normal pressure: change of its forces by one more round,
     /// over the normal forces (sums of norms).
     pub friction_lag: f64,
+    /// Element of the deepest penetration or largest opening.
+    pub worst_open: usize,
+    /// Element whose friction would change most.
+    pub worst_lag: usize,
 }
 
 impl ContactCheck {
-    /// The worse of two.
+    /// How far (mm) the contact is from its surface at most.
+    pub fn open_mm(&self) -> f64 {
+        self.penetration_mm.max(self.gap_mm)
+    }
+
+    /// The worse of two, with the elements that are worst in their own terms.
     pub fn worst(self, other: Self) -> Self {
+        let open = if self.open_mm() >= other.open_mm() { self } else { other };
+        let lags = if self.friction_lag >= other.friction_lag { self } else { other };
         Self {
             penetration_mm: self.penetration_mm.max(other.penetration_mm),
             gap_mm: self.gap_mm.max(other.gap_mm),
-            friction_lag: self.friction_lag.max(other.friction_lag),
+            friction_lag: lags.friction_lag,
+            worst_open: open.worst_open,
+            worst_lag: lags.worst_lag,
         }
     }
 }
@@ -276,6 +289,12 @@ pub trait Term: Send + Sync {
     /// What the term remembers before anything has happened, with the nodes at `points`.
     fn first_memory(&self, _points: &[Vec3], _load: Load) -> Vec<f64> {
         Vec::new()
+    }
+
+    /// Whether the term ties its nodes to what lies outside of the body, as contacts and cables do: a
+    /// body with such nodes need not be fixed elsewhere.
+    fn ties(&self) -> bool {
+        false
     }
 
     /// How well the contact holds; `None` for terms that are no contact.

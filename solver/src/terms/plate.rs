@@ -222,6 +222,10 @@ impl Term for Plate {
         self.contact.first_memory(points, 0.0, |element| self.touch(element, points, &load))
     }
 
+    fn ties(&self) -> bool {
+        true
+    }
+
     fn contact(&self, at: &At) -> Option<ContactCheck> {
         Some(self.contact.check(at, |element| self.touch(element, at.points, &at.load)))
     }

@@ -95,6 +95,10 @@ impl Term for Sliding {
             .first_memory(points, f64::INFINITY, |element| self.touch(element, &self.anchors))
     }
 
+    fn ties(&self) -> bool {
+        true
+    }
+
     fn contact(&self, at: &At) -> Option<ContactCheck> {
         Some(self.contact.check(at, |element| self.touch(element, at.points)))
     }

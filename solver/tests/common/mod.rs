@@ -5,6 +5,7 @@
 
 #![allow(dead_code)]
 
+pub mod laws;
 pub mod loads;
 pub mod shapes;
 pub mod squeeze;

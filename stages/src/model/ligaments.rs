@@ -166,3 +166,141 @@ pub fn lateral_cables(mesh: &TetMesh, rest: &[Vec3]) -> Vec<CablePlan> {
     }
     cables
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{BreastBase, recipe};
+    use super::*;
+    use mammotwin_data::labels::Side;
+    use mammotwin_solver::terms::Cables;
+
+    const HALF_MM: f64 = 60.0;
+
+    /// A right breast's base on the plane y = 0, 60 mm to each rim.
+    fn anatomy() -> Anatomy {
+        let base = BreastBase {
+            side: Side::Right,
+            center: Vec3::zeros(),
+            lateral: Vec3::x(),
+            cranial: Vec3::z(),
+            normal: Vec3::y(),
+            half_axes_mm: [HALF_MM, HALF_MM],
+            nipple: 50.0 * Vec3::y(),
+            projection_mm: 50.0,
+        };
+        Anatomy { sternum_x_mm: -80.0, breasts: vec![base] }
+    }
+
+    /// The wall around it: a grid of 4 mm.
+    fn wall() -> TetMesh {
+        let count = 51u32;
+        let at = |n: u32| 4.0 * (f64::from(n) - 25.0);
+        let points = (0..count).flat_map(|i| (0..count).map(move |j| (i, j)));
+        let points = points.map(|(i, j)| Vec3::new(at(i), 0.0, at(j))).collect();
+        let mut faces = Vec::new();
+        for i in 0..count - 1 {
+            for j in 0..count - 1 {
+                let [a, b, c, d] =
+                    [(i, j), (i, j + 1), (i + 1, j + 1), (i + 1, j)].map(|(i, j)| i * count + j);
+                faces.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        let mut mesh = TetMesh { points, ..TetMesh::default() };
+        mesh.patches.insert(Patch::ChestWall, faces);
+        mesh
+    }
+
+    fn place(lateral: f64, cranial: f64) -> Vec3 {
+        HALF_MM * Vec3::new(lateral, 0.0, cranial)
+    }
+
+    #[test]
+    fn every_ligament_has_its_word_and_its_sector() {
+        for ligament in Ligament::ALL {
+            assert_eq!(Ligament::from_name(ligament.name()), Some(ligament));
+        }
+        assert_eq!(Ligament::from_name("cooper"), None);
+        for (lateral, cranial, want) in [
+            (0.0, -1.0, Ligament::Inframammary),
+            (0.0, 1.0, Ligament::Cranial),
+            (-1.0, 0.0, Ligament::DeepMedial),
+            (1.0, 0.0, Ligament::Lateral),
+            // Sectors meet on the diagonals.
+            (0.69, -0.70, Ligament::Inframammary),
+            (0.70, -0.69, Ligament::Lateral),
+            (-0.70, 0.69, Ligament::DeepMedial),
+            (-0.69, 0.70, Ligament::Cranial),
+        ] {
+            assert_eq!(Ligament::of_sector([lateral, cranial]), want, "{lateral} {cranial}");
+            assert_eq!(region(&anatomy(), &place(lateral, cranial)), Some(want.region()));
+        }
+        assert_eq!(region(&anatomy(), &place(0.5, 0.5)), Some(InterfaceRegion::Base));
+        assert_eq!(region(&anatomy(), &place(0.0, 0.84)), Some(InterfaceRegion::Base));
+        assert_eq!(region(&anatomy(), &place(0.9, 0.9)), None);
+    }
+
+    #[test]
+    fn a_ligament_holds_the_nodes_of_its_sector_of_the_rim() {
+        let (mesh, anatomy) = (wall(), anatomy());
+        let mut held = Vec::new();
+        for ligament in Ligament::ALL {
+            let found = cables(&mesh, &mesh.points, &anatomy, &[ligament]);
+            assert!(!found.is_empty());
+            for (own, cable) in &found {
+                let p = mesh.points[cable.node as usize] / HALF_MM;
+                assert_eq!(*own, ligament);
+                assert!((0.85..=1.2).contains(&p.norm()), "{p}");
+                assert_eq!(Ligament::of_sector([p.x, p.z]), ligament);
+                held.push(cable.node);
+            }
+        }
+        held.sort_unstable();
+        let on_rim = |p: &Vec3| (0.85..=1.2).contains(&(p.norm() / HALF_MM));
+        let rim = (0..mesh.points.len()).filter(|&n| on_rim(&mesh.points[n]));
+        assert_eq!(held, rim.map(|n| n as u32).collect::<Vec<_>>(), "each node has one ligament");
+        assert!(cables(&mesh, &mesh.points, &anatomy, &[]).is_empty());
+    }
+
+    #[test]
+    fn sections_share_a_sheet_of_1_mm_around_the_base() {
+        let all = cables(&wall(), &wall().points, &anatomy(), &Ligament::ALL);
+        let section: f64 = all.iter().map(|(_, cable)| cable.section_mm2).sum();
+        // The circle in the middle of the rim.
+        let around = std::f64::consts::TAU * HALF_MM * 0.5 * (0.85 + 1.2);
+        assert!((section / (SHEET_MM * around) - 1.0).abs() < 0.03, "{section} for {around} mm²");
+    }
+
+    #[test]
+    fn cables_are_just_taut_at_rest_and_pull_away_from_the_centre_only() {
+        let (mesh, anatomy) = (wall(), anatomy());
+        // At rest the body is elsewhere: the anchors go along.
+        let rest: Vec<Vec3> = mesh.points.iter().map(|p| p + Vec3::new(3.0, 1.0, -2.0)).collect();
+        let found = cables(&mesh, &rest, &anatomy, &Ligament::ALL);
+        for (_, cable) in &found {
+            let node = cable.node as usize;
+            let arm = cable.anchor - rest[node];
+            assert!((arm.norm() - LENGTH_MM).abs() < 1e-12);
+            assert!((arm.normalize() - mesh.points[node].normalize()).norm() < 1e-12, "{arm}");
+        }
+        let young = 500.0;
+        let tied = found.iter().map(|(_, cable)| recipe::tied(cable, young, 0.0)).collect();
+        let tied = Cables::new("ligaments", tied).unwrap();
+        // Away (mm) from the centre, and the strain of each cable.
+        for (way, strain) in [(0.0, 0.0), (0.5, 0.0), (-0.5, 0.05)] {
+            let moved: Vec<Vec3> =
+                rest.iter().zip(&mesh.points).map(|(r, p)| r + way * p.normalize()).collect();
+            for (tension, (_, cable)) in tied.tensions(&moved).iter().zip(&found) {
+                let want = young * cable.section_mm2 * strain;
+                // The kink is smooth over a thousandth of the length.
+                assert!((tension - want).abs() <= 0.011 * want, "{way}: {tension} for {want}");
+            }
+        }
+        // A slack cable waits for so much more.
+        let (_, cable) = &found[0];
+        let slack = Cables::new("one", vec![recipe::tied(cable, young, 0.6)]).unwrap();
+        let node = cable.node as usize;
+        let mut moved = rest.clone();
+        moved[node] -= 0.5 * mesh.points[node].normalize();
+        assert_eq!(slack.tensions(&moved), [0.0]);
+    }
+}
