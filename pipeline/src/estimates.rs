@@ -3,7 +3,11 @@
 use crate::{graph::Outcome, score::Estimates};
 use mammotwin_data::Failure;
 use mammotwin_data::labels::Tissue;
-use mammotwin_stages::{pose::PoseFit, surface};
+use mammotwin_stages::{
+    fiducials::{Fiducials, Miss, Summary},
+    pose::PoseFit,
+    surface,
+};
 use serde_json::{Map, Value, json};
 
 /// Loads what can be compared with a truth; fails when a result is not computed yet.
@@ -41,7 +45,42 @@ pub fn estimates(outcome: &Outcome) -> Result<Estimates, Failure> {
         let validation = validation.load()?;
         found.distance.insert(name.clone(), distances(&validation.before, &validation.after));
     }
+    for (name, fiducials) in &outcome.fiducials {
+        found.fiducials.extend(markers(&fiducials.load()?).map(|value| (name.clone(), value)));
+    }
+    found.fit = json!({
+        "misfit_mm": calibration.misfit_mm(),
+        "lack_of_fit": calibration.lack_of_fit(),
+        "converged": calibration.converged,
+        "correlation": calibration.precision.correlation,
+    });
     Ok(found)
+}
+
+/// Misses of the carried markers; `None` without markers.
+fn markers(found: &Fiducials) -> Option<Value> {
+    let (before, after) = (found.before()?, found.after()?);
+    let numbers = |summary: &Summary| {
+        json!({
+            "mean_mm": summary.mean_mm,
+            "max_mm": summary.max_mm,
+            "tangential_mean_mm": summary.tangential_mean_mm,
+            "tangential_max_mm": summary.tangential_max_mm,
+            "normal_mean_mm": summary.normal_mean_mm,
+        })
+    };
+    let miss = |miss: &Miss| json!({ "normal_mm": miss.normal_mm, "tangential_mm": miss.tangential_mm });
+    let mut each = Map::new();
+    for marker in &found.markers {
+        let mut told = miss(&marker.after);
+        told["before"] = miss(&marker.before);
+        each.insert(marker.name.clone(), told);
+    }
+    let mut told = numbers(&after);
+    told["moved_mm"] = json!(found.moved_mm());
+    told["before"] = numbers(&before);
+    told["markers"] = each.into();
+    Some(told)
 }
 
 /// Distances of the simulated to the measured skin, with the moduli of the study and the fitted.

@@ -1,10 +1,11 @@
 //! The pipeline: one function whose calls are the graph.
 
+mod fiducials;
+
 use mammotwin_data::{
     Failure,
     io::dicom::Intent,
     labels::LabelMap,
-    landmarks::Landmarks,
     store::{Entry, Run, Stored},
     study::{CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
     surface::TriMesh,
@@ -22,6 +23,7 @@ use mammotwin_stages::{
     },
     discover::{Discover, Discovery, Evidence, Gather},
     effects::Effect,
+    fiducials::Fiducials,
     gland::Gland,
     mammogram::{Mammogram, Mammograms},
     mesh::{BreastMesh, Mesh},
@@ -67,6 +69,8 @@ pub struct Outcome {
     pub calibration: Stored<Calibration>,
     /// By pose name.
     pub validations: BTreeMap<String, Stored<Validation>>,
+    /// Markers on the breasts, by pose name.
+    pub fiducials: BTreeMap<String, Stored<Fiducials>>,
     /// The compressed breast, if the study asks for one.
     pub squeezed: Option<Squeezed>,
 }
@@ -147,6 +151,7 @@ pub fn remeshed(
             mesh,
             calibration,
             validations: BTreeMap::new(),
+            fiducials: BTreeMap::new(),
             squeezed: None,
         };
         Ok(squeeze(study, plan, label, run, &squeezed)?.compression)
@@ -191,8 +196,9 @@ pub(crate) fn body(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
             validations.insert(name.clone(), run.stage(name, &validate, inputs)?);
         }
     }
-
-    Ok(Outcome { reference, poses, mesh, calibration, validations, squeezed: None })
+    let fitted = (&mesh, &calibration);
+    let fiducials = fiducials::fiducials(study, &poses, fitted, &validations, run)?;
+    Ok(Outcome { reference, poses, mesh, calibration, validations, fiducials, squeezed: None })
 }
 
 /// The mesh of the reference pose, stress-free shape and moduli, with elements of one's own choice.
@@ -278,6 +284,7 @@ pub fn discover(
 fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failure> {
     let provenance = provenance(run);
     let validations: Vec<_> = outcome.validations.values().cloned().collect();
+    let fiducials: Vec<_> = outcome.fiducials.values().cloned().collect();
     let Outcome { mesh, calibration, squeezed, .. } = outcome;
     let part = squeezed.as_ref();
     let metrics = part.map_or(&[][..], |part| &part.metrics);
@@ -290,7 +297,8 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
     let deliver = Deliver { study: study.without_files(), moving, provenance: provenance.clone() };
     let squeezed = part.map(|part| &part.compression);
     let taken = part.and_then(|part| part.mammograms.as_ref());
-    let inputs = (mesh, calibration, &validations[..], &moved[..], squeezed, taken, metrics);
+    let (held_out, marked) = (&validations[..], &fiducials[..]);
+    let inputs = (mesh, calibration, held_out, marked, &moved[..], squeezed, taken, metrics);
     let results = run.stage("", &deliver, inputs)?;
     run.export("results.h5", &results)?;
 
@@ -316,10 +324,12 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
         subject: study.subject.id.clone(),
         poses: names.into_iter().cloned().collect(),
         warnings,
+        model: study.model.clone(),
+        parameters: study.calibrate.parameters.clone(),
         provenance,
     };
     let images = (&pictures[..], &surfaces[..], &motions[..]);
-    let mechanics = (mesh, calibration, &validations[..]);
+    let mechanics = (mesh, calibration, &validations[..], &fiducials[..]);
     let squeezed = (squeezed, phantom, taken, metrics);
     let report = run.stage("", &report, (images, mechanics, squeezed))?;
     run.export("report.html", &report)?;
@@ -390,10 +400,7 @@ pub(crate) fn images(
     reference: &str,
     run: &Run<'_>,
 ) -> Result<BTreeMap<String, PoseOutcome>, Failure> {
-    let landmarks = |name: &str| -> Result<Option<Stored<Landmarks>>, Failure> {
-        let key = format!("poses.{name}.landmarks");
-        study.poses[name].landmarks.as_ref().map(|path| run.external(&key, path)).transpose()
-    };
+    let landmarks = |name: &str| fiducials::landmarks(study, name, run);
     let reference_landmarks = landmarks(reference)?;
     let mut scans = BTreeMap::new();
     for (name, pose) in &study.poses {

@@ -14,7 +14,7 @@ use mammotwin_data::{
     volume::{Grid, Volume},
 };
 use mammotwin_solver::paddles::CadPaddle;
-use mammotwin_stages::compress::from_cad;
+use mammotwin_stages::{compress::from_cad, fiducials};
 use std::path::{Path, PathBuf};
 
 /// How much a finding matters.
@@ -64,6 +64,7 @@ pub fn findings(study: &Study, base: &Path) -> Vec<Finding> {
         found.append(&mut pose.found);
     }
     found.extend(common_landmarks(study, &marked));
+    found.extend(missing_fiducials(study, &marked));
     if let Some(plan) = &study.compress {
         found.extend(paddle(plan, base));
         found.extend(hinge(plan, base));
@@ -282,6 +283,26 @@ fn common_landmarks(study: &Study, marked: &[(&String, Landmarks)]) -> Vec<Findi
         })
     });
     few.collect()
+}
+
+/// Markers on the breasts test how far tissue slides along the skin; a study without them works.
+fn missing_fiducials(study: &Study, marked: &[(&String, Landmarks)]) -> Vec<Finding> {
+    let reference = study.reference_pose();
+    let of = |pose: &str| marked.iter().find(|(name, _)| *name == pose).map(|(_, landmarks)| landmarks);
+    let none = |name: &&String| match (of(reference), of(name)) {
+        (Some(fixed), Some(own)) => fiducials::pairs(fixed, own).is_empty(),
+        _ => true,
+    };
+    let others = study.poses.keys().filter(|name| *name != reference);
+    let finding = |name: &String| Finding {
+        key: format!("poses.{name}.landmarks"),
+        weight: Weight::Warning,
+        text: format!(
+            "none of the landmarks breast_... and nipple_... is also in poses.{reference}; with them the \
+             results say how far the model is off along the skin, which distances of skins do not show"
+        ),
+    };
+    others.filter(none).map(finding).collect()
 }
 
 fn grid(summary: &Summary) -> Grid {

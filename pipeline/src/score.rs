@@ -25,8 +25,12 @@ pub struct Estimates {
     pub to_reference: BTreeMap<String, RigidTransform>,
     /// Young's moduli (kPa) by study key.
     pub moduli: BTreeMap<String, f64>,
-    /// Distances of skins and fiducials by pose name, as the validation measured them.
+    /// Distances of skins by pose name, as calibration and validation measured them.
     pub distance: BTreeMap<String, Value>,
+    /// Misses of the markers on the breasts by pose name.
+    pub fiducials: BTreeMap<String, Value>,
+    /// What the fit leaves, and how it ended.
+    pub fit: Value,
 }
 
 /// Compares estimates with `truth/truth.json` and `truth/POSE_labels.nii.gz`.
@@ -74,6 +78,8 @@ pub fn score(estimates: &Estimates, folder: &Path) -> Result<Value, Failure> {
         "registration": registration,
         "moduli": moduli,
         "distance": estimates.distance,
+        "fiducials": estimates.fiducials,
+        "fit": estimates.fit,
     }))
 }
 

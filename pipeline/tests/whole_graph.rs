@@ -168,6 +168,7 @@ fn the_tiny_volunteer_runs_again_only_where_it_must_and_to_the_same_bits() {
     // And back again: all is still there.
     fs::write(&study, &text).unwrap();
     assert_eq!(computed(&study, "2"), 0);
+    what_is_held_out_is_read_by_no_fit(&study);
     what_has_no_place_in_the_breast_is_refused(&study, &text);
     gland_follows_the_labels(&study, &text);
 }
@@ -262,6 +263,25 @@ fn places_of_tissue_are_carried(study: &Path, truth: &Path) {
     }
     let text = printed(&[&["map", study], &inside[..]].concat());
     assert!(text.contains("mammogram     column") && text.contains("stress_free"), "{text}");
+}
+
+/// Another image and other landmarks of the held-out pose change what is made of that pose, and nothing that was fitted.
+fn what_is_held_out_is_read_by_no_fit(study: &Path) {
+    let files = ["tilted.nii.gz", "tilted_landmarks.csv"].map(|name| study.with_file_name(name));
+    let kept = files.each_ref().map(|file| fs::read(file).unwrap());
+    fs::copy(study.with_file_name("prone.nii.gz"), &files[0]).unwrap();
+    fs::copy(study.with_file_name("prone_landmarks.csv"), &files[1]).unwrap();
+    let anew = planned(study);
+    let has = |name: &str| anew.iter().any(|stage| stage == name);
+    let own = ["align", "segment", "surface", "register", "validate", "fiducials"];
+    assert!(own.iter().all(|stage| has(&format!("{stage}:tilted"))), "{anew:?}");
+    assert!(!anew.iter().any(|stage| stage.ends_with(":supine") || stage.ends_with(":prone")), "{anew:?}");
+    let fitted = ["mesh", "calibrate", "compress", "phantom", "mammogram", "quality"];
+    assert!(!fitted.iter().any(|stage| has(stage)), "{anew:?}");
+    for (file, bytes) in files.iter().zip(kept) {
+        fs::write(file, bytes).unwrap();
+    }
+    assert!(planned(study).is_empty());
 }
 
 /// Errors that are known only when the breast is compressed: 65 and one line, as for all others.

@@ -127,6 +127,22 @@ impl PoseTarget {
         &self.sides
     }
 
+    /// The nodes that are compared, in the reference pose.
+    pub fn reference_shape(&self, mesh: &BreastMesh) -> Shape {
+        let points = mesh.mesh.points.clone();
+        Shape::of(&TriMesh { points, triangles: self.faces.clone() }, &self.active)
+    }
+
+    /// Signed distances (mm) of points to the measured skin, positive outside of it.
+    ///
+    /// # Errors
+    /// [`Failure::Numerics`] at a point that is not finite.
+    pub fn signed_mm(&self, points: &[Vec3]) -> Result<Vec<f64>, Failure> {
+        let closest = self.index.closest_of(points);
+        let closest = closest.map_err(|c| Failure::Numerics(format!("{}: {c}", self.pose)))?;
+        Ok(closest.iter().zip(points).map(|(c, p)| c.signed_mm(p)).collect())
+    }
+
     /// The nodes that are compared, in a simulated pose.
     pub fn shape(&self, fit: &PoseFit) -> Shape {
         let points = fit.solution.points.clone();

@@ -5,6 +5,7 @@ use crate::{
     mesh::BreastMesh,
     model::Body,
     pose::{PoseFit, PoseTarget},
+    posture,
     register::Registered,
     surface::PoseSurfaces,
 };
@@ -72,6 +73,11 @@ impl Stage for Validate {
         progress: &dyn Progress,
     ) -> Result<Validation, Failure> {
         let target = PoseTarget::new(&self.pose, mesh, registered, surfaces)?;
+        // The first pose is the reference.
+        if let Some(reference) = calibration.after.poses.first() {
+            let shape = target.reference_shape(mesh);
+            posture::refuse_wrong(&target, &reference.pose, &shape, &reference.gravity)?;
+        }
         let body = Body::new(mesh, &self.model);
         let measure = |fit: &Fit| {
             let solution = target.load(&body, &fit.rest, fit.moduli, &mesh.mesh.points, false)?;

@@ -345,6 +345,8 @@ pub enum StressFree {
     Inverse,
     /// Damped, accelerated fixed point on the reference shape (Sellier 2011).
     FixedPoint,
+    /// The same as published: whole steps, neither damped nor accelerated.
+    PlainFixedPoint,
 }
 
 /// What is fitted, and how.
@@ -355,4 +357,7 @@ pub struct CalibratePlan {
     pub parameters: Vec<String>,
     /// How the stress-free shape is found.
     pub stress_free: StressFree,
+    /// Whether the search for the moduli is repeated from stiffer ones, to see whether both end alike.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub second_start: bool,
 }

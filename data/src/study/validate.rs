@@ -108,6 +108,10 @@ fn check(study: &Study) -> Checked {
             return refuse("calibrate.parameters", why);
         }
     }
+    if study.calibrate.second_start && study.calibrate.parameters.is_empty() {
+        let why = "repeats a search, but nothing is fitted; name calibrate.parameters or leave it out";
+        return refuse("calibrate.second_start", why);
+    }
     study.compress.as_ref().map_or(Ok(()), compress)?;
     start(study)?;
     comfort(&study.comfort)?;

@@ -354,6 +354,19 @@ fn mammograms_that_cannot_be_are_refused() {
 }
 
 #[test]
+fn the_search_for_moduli_may_be_repeated_and_the_fixed_point_be_plain() {
+    let plain = "stress_free = \"plain_fixed_point\"\nsecond_start = true";
+    let study = parse(&GOOD.replacen("stress_free = \"fixed_point\"", plain, 1)).unwrap();
+    assert!(study.calibrate.second_start);
+    // A study that does not ask for it has the key that it always had.
+    let text = toml::to_string(&parse(GOOD).unwrap()).unwrap();
+    assert!(!text.contains("second_start"), "{text}");
+    let fitted = "parameters = [\"breast.young_right_kpa\", \"breast.young_left_kpa\"]";
+    refused(fitted, "parameters = []\nsecond_start = true", &["calibrate.second_start", "nothing is fitted"]);
+    refused("\"fixed_point\"", "\"fixed\"", &["calibrate.stress_free", "plain_fixed_point"]);
+}
+
+#[test]
 fn missing_parts_are_named() {
     refused("posture = \"prone\"\n", "", &["poses.prone", "gravity is not given"]);
     refused("jm = 1.0, ", "", &["compress.law.jm", "needs jm"]);

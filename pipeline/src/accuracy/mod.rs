@@ -1,5 +1,6 @@
 //! How near the calibration comes to digital volunteers: fitted and held-out poses, moduli.
 
+mod markers;
 mod page;
 
 pub use page::{chart, markdown, table};
@@ -7,8 +8,17 @@ pub use page::{chart, markdown, table};
 use crate::graph::Outcome;
 use mammotwin_data::{Failure, Vec3, io::hdf5, labels::Side, surface::TriMesh};
 use mammotwin_solver::distance::SurfaceIndex;
-use mammotwin_stages::{pose::PoseFit, volunteer::Truth};
+use mammotwin_stages::{fiducials::Summary, pose::PoseFit, volunteer::Truth};
 use std::path::Path;
+
+/// What the fit knows of skin and fascia.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Layers {
+    /// The person's own moduli
+    Known,
+    /// Those of the literature (skin 10, fascia 160 kPa)
+    Literature,
+}
 
 /// What tissue is made of, and what the model takes it for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,13 +50,48 @@ impl Hypothesis {
     }
 }
 
+/// What the fit took a pose for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Its shape is given; what is left is the round trip through mesh and stress-free shape.
+    Reference,
+    /// Fitted.
+    Fitted,
+    /// Never seen.
+    HeldOut,
+}
+
+impl Role {
+    /// What tables call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Reference => "reference",
+            Self::Fitted => "fitted",
+            Self::HeldOut => "held out",
+        }
+    }
+}
+
+/// Misses of the markers of a pose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MarkerError {
+    /// Mean way (mm) from the reference pose.
+    pub moved_mm: f64,
+    /// With the moduli that the study begins with.
+    pub before: Summary,
+    /// With the fitted moduli.
+    pub after: Summary,
+    /// With the true skin on an unchanged chest wall in place of the simulated one.
+    pub floor: Summary,
+}
+
 /// One pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PoseError {
     /// Its name.
     pub pose: String,
-    /// Whether the fit saw it.
-    pub fitted: bool,
+    /// What the fit took it for.
+    pub role: Role,
     /// Modified Hausdorff distance (mm) with the moduli that the study begins with.
     pub before_mm: f64,
     /// The same with the fitted moduli.
@@ -54,6 +99,8 @@ pub struct PoseError {
     /// Mean distance (mm) of the true skin on an unchanged chest wall from the measured one, where they are compared: what
     /// segmentation, surfaces, registration and the change of the chest wall leave to a perfect model.
     pub floor_mm: f64,
+    /// Markers on the breasts; none in the reference pose.
+    pub markers: Option<MarkerError>,
 }
 
 /// One volunteer, fitted once.
@@ -63,7 +110,7 @@ pub struct Fitted {
     pub seed: u64,
     /// Tissue and model.
     pub hypothesis: Hypothesis,
-    /// All poses but the reference pose.
+    /// All poses, the reference pose first.
     pub poses: Vec<PoseError>,
     /// Fitted over true modulus, right and left.
     pub moduli: [f64; 2],
@@ -87,26 +134,30 @@ pub fn measure(
     let bodies = hdf5::Reader::open(truth_folder.join("bodies.h5"))?;
     let calibration = outcome.calibration.load()?;
     let mut poses = Vec::new();
-    let mut add = |before: &PoseFit, after: &PoseFit, fitted: bool| {
-        if after.pose == outcome.reference {
-            return Ok(());
-        }
+    let mut add = |before: &PoseFit, after: &PoseFit, role: Role| {
+        let role = if after.pose == outcome.reference { Role::Reference } else { role };
         let floor_mm = floor(outcome, &truth, &bodies, after)?;
+        let found = outcome.fiducials.get(&after.pose).map(|found| found.load()).transpose()?;
+        let markers = match found {
+            Some(found) => markers::measure(&outcome.reference, &truth, &bodies, &found)?,
+            None => None,
+        };
         poses.push(PoseError {
             pose: after.pose.clone(),
-            fitted,
+            role,
             before_mm: before.distances.modified_hausdorff,
             after_mm: after.distances.modified_hausdorff,
             floor_mm,
+            markers,
         });
         Ok::<_, Failure>(())
     };
     for (before, after) in calibration.before.poses.iter().zip(&calibration.after.poses) {
-        add(before, after, true)?;
+        add(before, after, Role::Fitted)?;
     }
     for validation in outcome.validations.values() {
         let validation = validation.load()?;
-        add(&validation.before, &validation.after, false)?;
+        add(&validation.before, &validation.after, Role::HeldOut)?;
     }
     let moduli = [Side::Right, Side::Left].map(|side| {
         let known = truth.moduli.get(&format!("breast.young_{}_kpa", side.name()));
@@ -124,6 +175,26 @@ pub fn measure(
     })
 }
 
+/// Faces of the true skin, in every pose.
+const TRUE_SKIN: &str = "stress_free/patches/skin";
+
+/// Nodes (mm) of the true body in a pose, on an unchanged chest wall, in the frame of the reference pose.
+fn true_points(
+    truth: &Truth,
+    bodies: &hdf5::Reader,
+    reference: &str,
+    pose: &str,
+) -> Result<Vec<Vec3>, Failure> {
+    let of = |pose: &str| {
+        let none = || Failure::BadInput(format!("truth of {pose}: there is none"));
+        truth.poses.get(pose).ok_or_else(none)
+    };
+    of(pose)?;
+    let to_reference = of(reference)?.to_common.inverse();
+    let points: Vec<Vec3> = bodies.get(&format!("{pose}/points"))?;
+    Ok(points.iter().map(|p| to_reference.point(p)).collect())
+}
+
 /// Mean distance (mm) from the true skin of a pose to the measured one, at the points of the true skin next to the compared
 /// nodes of a fit.
 fn floor(
@@ -135,14 +206,8 @@ fn floor(
     let name = &fit.pose;
     let refuse =
         |what: &dyn std::fmt::Display| Failure::BadInput(format!("truth of {name}: {what}"));
-    let of = |pose: &str| truth.poses.get(pose).ok_or_else(|| refuse(&"there is none"));
-    of(name)?;
-    let to_reference = of(&outcome.reference)?.to_common.inverse();
-    let points: Vec<Vec3> = bodies.get(&format!("{name}/points"))?;
-    let skin = TriMesh {
-        points: points.iter().map(|p| to_reference.point(p)).collect(),
-        triangles: bodies.get("stress_free/patches/skin")?,
-    };
+    let points = true_points(truth, bodies, &outcome.reference, name)?;
+    let skin = TriMesh { points, triangles: bodies.get(TRUE_SKIN)? };
     let pose = outcome.poses.get(name).ok_or_else(|| refuse(&"the study has no such pose"))?;
     let mut measured = pose.surfaces.load()?.skin;
     if let Some(registered) = &pose.registered {

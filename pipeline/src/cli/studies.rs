@@ -5,6 +5,7 @@ use super::models::IMAGE_CHAIN_HELP;
 use super::{
     BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments, StudyArguments,
 };
+use crate::accuracy::Layers;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
@@ -56,12 +57,14 @@ pub enum StudyCommand {
 
 const CALIBRATION_HELP: &str = "\
 Makes each person twice, of neo-Hookean tissue and of tissue that stiffens as it stretches (Gent), with all errors
-of images, segmentation and registration. Fits the first, and the second with both laws. What is there already is used
-again; tables and figure are written after each person.
+of images, segmentation and registration. Fits the first, and the second with both laws. The fit is told the true
+thickness of skin and fascia, density, Poisson's ratio, ligaments, chest wall and 1/Jm; their true moduli too, unless
+--layers literature. What is there already is used again; tables and figure are written after each person.
 
 Examples:
   mammotwin study calibration --seeds 11,12,13 --out runs/calibration
-  mammotwin study calibration --voxel-mm 1.25 --stiffening 0.5";
+  mammotwin study calibration --voxel-mm 1.25 --stiffening 0.5
+  mammotwin study calibration --voxel-mm 1.25 --layers literature";
 
 /// The study of the calibration.
 #[derive(Debug, Clone, Args)]
@@ -86,6 +89,9 @@ pub struct CalibrationArguments {
     /// 1/Jₘ of tissue that stiffens
     #[arg(long, value_name = "X", default_value_t = 0.8)]
     pub stiffening: f64,
+    /// What the fit is told of skin and fascia; breasts always begin at the literature's 0.5 kPa
+    #[arg(long, value_enum, default_value_t = Layers::Known)]
+    pub layers: Layers,
 }
 
 const DESIGNS_HELP: &str = "\

@@ -2,11 +2,16 @@
 
 use super::{open, run::execute, synth::voxels, volunteer::made, write};
 use crate::{
-    accuracy::{Fitted, Hypothesis, chart, markdown, measure, table},
+    accuracy::{Fitted, Hypothesis, Layers, chart, markdown, measure, table},
     cli::{CalibrationArguments, StudyArguments},
     display::Task,
 };
-use mammotwin_data::{Failure, progress::Progress, store::Options, study::Elements};
+use mammotwin_data::{
+    Failure,
+    progress::Progress,
+    store::Options,
+    study::{Elements, LayerPlan, ModelPlan},
+};
 use mammotwin_stages::{
     effects::Effect,
     volunteer::{PoseName, Settings},
@@ -19,6 +24,14 @@ use std::{
 
 /// The effect by which tissue stiffens.
 const STIFFENING: &str = "limit_chain";
+
+/// Ending of the names of what is written where the fit does not know skin and fascia.
+fn ending(layers: Layers) -> &'static str {
+    match layers {
+        Layers::Known => "",
+        Layers::Literature => "_literature",
+    }
+}
 
 /// Makes and fits what is not there; writes `calibration.csv`, `calibration.md` and `held_out.svg` after each volunteer.
 pub fn calibration(arguments: &CalibrationArguments) -> Result<(), Failure> {
@@ -48,18 +61,20 @@ pub fn calibration(arguments: &CalibrationArguments) -> Result<(), Failure> {
                 Err(other) => return Err(other),
             }
         }
-        write(&out.join("calibration.csv"), table(&all))?;
+        let file = |name: &str, kind: &str| out.join(format!("{name}{}.{kind}", ending(arguments.layers)));
+        write(&file("calibration", "csv"), table(&all))?;
         let mut text = markdown(&all);
         if !failed.is_empty() {
             text += &format!("\nWithout a fit:\n\n{}", failed.concat());
         }
-        write(&out.join("calibration.md"), text)?;
-        write(&out.join("held_out.svg"), chart(&all, PoseName::Tilted.name()))?;
+        write(&file("calibration", "md"), text)?;
+        write(&file("held_out", "svg"), chart(&all, PoseName::Tilted.name()))?;
     }
     drop(task);
     tell!("{}", markdown(&all));
     failed.iter().for_each(|line| tell!("{}", line.trim_end()));
-    tell!("{}: calibration.csv, calibration.md, held_out.svg", out.display());
+    let end = ending(arguments.layers);
+    tell!("{}: calibration{end}.csv, calibration{end}.md, held_out{end}.svg", out.display());
     Ok(())
 }
 
@@ -85,20 +100,65 @@ fn fitted(
         truth_mm: None,
         out_dir: folder.clone(),
     })?;
-    let study = match hypothesis {
-        Hypothesis::Stiffening => stiffened(&study, arguments.stiffening)?,
-        _ => study,
-    };
+    let stiffening = (hypothesis == Hypothesis::Stiffening).then_some(arguments.stiffening);
+    let study = fitting(&study, stiffening, arguments.layers)?;
     let opened = open(&StudyArguments { study, out: Some(folder.join("out")) })?;
-    let options = Options { until: vec!["validate".into()], ..Options::default() };
+    let until = vec!["validate".into(), "fiducials".into()];
+    let options = Options { until, ..Options::default() };
     let pass = execute(&opened, &options)?;
     measure(&pass.outcome, &folder.join("truth"), seed, hypothesis)
 }
 
-/// The study of a volunteer with a model that stiffens.
-fn stiffened(study: &Path, amplitude: f64) -> Result<PathBuf, Failure> {
-    let text = fs::read_to_string(study).map_err(|cause| Failure::io(study, cause))?;
-    let with = study.with_file_name("study_gent.toml");
-    write(&with, format!("{text}\n[model.effects]\n{STIFFENING} = {amplitude}\n"))?;
+/// The study of a volunteer with the model that is fitted, beside the one that states the truth's.
+fn fitting(study: &Path, stiffening: Option<f64>, layers: Layers) -> Result<PathBuf, Failure> {
+    if stiffening.is_none() && layers == Layers::Known {
+        return Ok(study.to_owned());
+    }
+    let mut text = fs::read_to_string(study).map_err(|cause| Failure::io(study, cause))?;
+    if layers == Layers::Literature {
+        text = from_literature(&text);
+    }
+    let mut name = String::from("study");
+    if let Some(amplitude) = stiffening {
+        text += &format!("\n[model.effects]\n{STIFFENING} = {amplitude}\n");
+        name += "_gent";
+    }
+    let with = study.with_file_name(format!("{name}{}.toml", ending(layers)));
+    write(&with, text)?;
     Ok(with)
+}
+
+/// A volunteer's study with skin and fascia of the literature.
+fn from_literature(study: &str) -> String {
+    let ModelPlan { skin, fascia, .. } = ModelPlan::default();
+    let line = |name: &str, LayerPlan { law, young_kpa, thickness_mm, .. }: &LayerPlan| {
+        let law = law.name();
+        format!("{name} = {{ law = \"{law}\", young_kpa = {young_kpa:?}, thickness_mm = {thickness_mm:?} }}")
+    };
+    let layers = [("skin", line("skin", &skin)), ("fascia", line("fascia", &fascia))];
+    let replaced = |old: &str| {
+        let own = layers.iter().find(|(name, _)| old.starts_with(&format!("{name} = ")));
+        own.map_or(old, |(_, new)| new).to_owned() + "\n"
+    };
+    study.lines().map(replaced).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mammotwin_data::study::parse;
+
+    #[test]
+    fn skin_and_fascia_come_from_the_literature_and_nothing_else_changes() {
+        let text = "schema = 1\nsubject = { id = \"dv\" }\n[poses.supine]\nimage = \"a.nii.gz\"\nposture = \"supine\"\n\
+                    [model]\nbreast = { poisson = 0.48 }\nskin = { young_kpa = 3.7, thickness_mm = 1.5 }\n\
+                    fascia = { young_kpa = 129.1, thickness_mm = 0.2 }\n";
+        let (own, other) = (parse(text).unwrap(), parse(&from_literature(text)).unwrap());
+        let known = ModelPlan::default();
+        assert_ne!(own.model.skin, known.skin);
+        assert_eq!((&other.model.skin, &other.model.fascia), (&known.skin, &known.fascia));
+        let mut back = other.clone();
+        (back.model.skin, back.model.fascia) = (own.model.skin.clone(), own.model.fascia.clone());
+        assert_eq!(back, own);
+    }
 }

@@ -170,3 +170,24 @@ fn a_measured_hinge_is_told_with_its_r_squared() {
     let wrong = told("1,5,100\n2,ten,100\n");
     assert!(wrong.weight == Weight::Wrong && wrong.text.contains("line 3: force_n"), "{wrong:?}");
 }
+
+#[test]
+fn poses_without_a_common_marker_on_the_breasts_are_warned_of() {
+    let folder = Folder::new();
+    fs::copy(folder.path("prone.nii.gz"), folder.path("supine.nii.gz")).unwrap();
+    let study = format!(
+        "{STUDY}[poses.supine]\nimage = \"supine.nii.gz\"\nposture = \"supine\"\nlandmarks = \"supine.csv\"\n"
+    );
+    let warned = |study: &str, rows: &str| {
+        fs::write(folder.path("supine.csv"), format!("name,x_mm,y_mm,z_mm\n{rows}")).unwrap();
+        let found = findings(&parse(study).unwrap(), folder.0.path());
+        let about = found.into_iter().filter(|f| f.text.contains("breast_... and nipple_..."));
+        about.map(|f| (f.key, f.weight)).collect::<Vec<_>>()
+    };
+    let warning = [("poses.prone.landmarks".to_owned(), Weight::Warning)];
+    assert_eq!(warned(&study, "nipple_right,41,60,0\n"), []);
+    assert_eq!(warned(&study, "chest_sternum_superior,0,60,0\n"), warning);
+    let without = study.replace("landmarks = \"prone.csv\"\n", "");
+    assert_eq!(warned(&without, "nipple_right,41,60,0\n"), warning);
+    assert_eq!(warned(STUDY, ""), [], "one pose alone needs none");
+}

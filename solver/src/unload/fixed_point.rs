@@ -71,6 +71,36 @@ pub(super) fn fixed_point<E>(
     (best, iterations)
 }
 
+/// The same as published: X + loaded - x(X) in whole steps, until the miss is below the tolerance, a rest shape carries no
+/// load, or `rounds` are over. Returns the best shape, and how many equilibria were computed.
+///
+/// To first order a step multiplies the miss by 1 - ∂x/∂X: where tissue is stretched to more than twice its length it grows.
+pub(super) fn plain<E>(
+    known: &[Vec3],
+    first: Iterate,
+    build: &impl Fn(&[Vec3]) -> Result<Model, E>,
+    rounds: usize,
+    options: &Options,
+    progress: &dyn Progress,
+) -> (Iterate, usize) {
+    let mut best = first;
+    let (mut rest, mut step, mut start) =
+        (best.rest.clone(), best.step.clone(), best.solution.points.clone());
+    let mut iterations = 0;
+    while best.miss.rms_mm > options.tolerance_mm && iterations < rounds {
+        rest.iter_mut().zip(&step).for_each(|(x, dx)| *x += dx);
+        iterations += 1;
+        let Ok(Some(next)) = Iterate::load(rest.clone(), known, &start, build, options) else { break };
+        (step, start) = (next.step.clone(), next.solution.points.clone());
+        let done = iterations as f64 / rounds as f64;
+        progress.report(done, &format!("{:.2} mm off", next.miss.rms_mm));
+        if next.miss.rms_mm < best.miss.rms_mm {
+            best = next;
+        }
+    }
+    (best, iterations)
+}
+
 /// One rest shape with its equilibrium.
 pub(super) struct Iterate {
     pub rest: Vec<Vec3>,

@@ -17,7 +17,7 @@ pub use inverse::Effort;
 
 use crate::model::Model;
 use crate::solve::{self, SolveError};
-use fixed_point::{Iterate, fixed_point};
+use fixed_point::{Iterate, fixed_point, plain};
 use inverse::inverse;
 use mammotwin_data::{Vec3, progress::Progress, solution::Solution};
 
@@ -27,8 +27,10 @@ pub enum Method {
     /// Newton on the rest positions; a fixed point with F⁻¹ as polish and fall-back.
     #[default]
     Inverse,
-    /// Sellier's fixed point alone.
+    /// Sellier's fixed point, halved where it does not gain and mixed over its past.
     FixedPoint,
+    /// Sellier's fixed point as published: whole steps, whatever they do.
+    Plain,
 }
 
 /// How the stress-free shape is sought.
@@ -164,7 +166,10 @@ pub fn stress_free<E: std::fmt::Display>(
         Some(found) => (found, options.max_iterations - 1),
         None => (load(guess.to_vec(), &known)?, options.max_iterations - 1),
     };
-    let (best, iterations) = fixed_point(&known, first, &build, rounds, options, progress);
+    let (best, iterations) = match options.method {
+        Method::Plain => plain(&known, first, &build, rounds, options, progress),
+        _ => fixed_point(&known, first, &build, rounds, options, progress),
+    };
     let acceptable = best.miss.rms_mm <= options.acceptable_mm;
     let best = StressFree {
         rest: best.rest,

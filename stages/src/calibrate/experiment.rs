@@ -6,6 +6,7 @@ use crate::{
     mesh::BreastMesh,
     model::{Body, Moduli},
     pose::PoseTarget,
+    posture,
     register::Registered,
     surface::PoseSurfaces,
 };
@@ -55,7 +56,7 @@ impl<'a> Experiment<'a> {
     /// The experiment of a mesh, a plan and what was measured.
     ///
     /// # Errors
-    /// A measured surface that cannot be compared with.
+    /// A measured surface that cannot be compared with, or that moved against what is stated of its gravity.
     pub fn new(
         mesh: &'a BreastMesh,
         model: &'a ModelPlan,
@@ -66,11 +67,15 @@ impl<'a> Experiment<'a> {
         let first = PoseTarget::new(measured.reference, mesh, &reference, measured.surfaces)?;
         let mut targets = vec![first];
         for (name, motion, surfaces) in &measured.others {
-            targets.push(PoseTarget::new(name, mesh, motion, surfaces)?);
+            let target = PoseTarget::new(name, mesh, motion, surfaces)?;
+            let shape = target.reference_shape(mesh);
+            posture::refuse_wrong(&target, measured.reference, &shape, &measured.gravity)?;
+            targets.push(target);
         }
         let method = match plan.stress_free {
             StressFree::Inverse => unload::Method::Inverse,
             StressFree::FixedPoint => unload::Method::FixedPoint,
+            StressFree::PlainFixedPoint => unload::Method::Plain,
         };
         let unload = unload::Options { method, ..unload::Options::default() };
         Ok(Self { body: Body::new(mesh, model), targets, unload })
@@ -111,7 +116,7 @@ impl<'a> Experiment<'a> {
             (Some(fit), _) => fit.rest.clone(),
             (None, unload::Method::Inverse) => loaded.clone(),
             // Gravity turned round is the thesis' first guess.
-            (None, unload::Method::FixedPoint) => {
+            (None, unload::Method::FixedPoint | unload::Method::Plain) => {
                 let lifted = body.model(loaded, moduli, -gravity, None)?;
                 let solution = solve(&lifted, loaded, &options.solve, &Silent);
                 solution.map_or_else(|_| loaded.clone(), |solution| solution.points)

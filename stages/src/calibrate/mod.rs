@@ -12,7 +12,7 @@ use mammotwin_data::{
     Failure, Vec3,
     io::hdf5,
     labels::Side,
-    progress::Progress,
+    progress::{Part, Progress},
     store::{Artifact, Stage},
     study::{CalibratePlan, ModelPlan},
 };
@@ -127,6 +127,37 @@ impl Precision {
     }
 }
 
+/// Root mean square distance (mm) that is left where the model is right: chest walls that change between poses, and the
+/// skin of the labels.
+const EXPLAINED_MM: f64 = 1.2;
+/// Times that, from which the fitted poses contradict the model or each other. Of 18 fits of digital volunteers, six with
+/// a wrong law, the worst leaves 1.0 times as much.
+const CONTRADICTION: f64 = 3.0;
+
+/// A second search, begun far from the first one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SecondStart {
+    /// Where it began.
+    pub from: Moduli,
+    /// Where it ended; `None` when it found no equilibrium.
+    pub end: Option<Moduli>,
+    /// Evaluations.
+    pub evaluations: usize,
+}
+
+/// Moduli of the second start over those of the first.
+const SECOND_START: f64 = 3.0;
+/// Moduli that differ by less than this part are alike: a search ends within a hundredth of its minimum.
+const ALIKE: f64 = 0.03;
+
+impl SecondStart {
+    /// Whether it ended where the first search did.
+    pub fn agrees(&self, with: &Moduli) -> bool {
+        let near = |end: &Moduli, side: Side| (end.of_side(side) / with.of_side(side)).ln().abs() < ALIKE;
+        self.end.is_some_and(|end| [Side::Right, Side::Left].iter().all(|&side| near(&end, side)))
+    }
+}
+
 /// What the calibration found.
 #[derive(Debug, Clone)]
 pub struct Calibration {
@@ -140,6 +171,39 @@ pub struct Calibration {
     pub converged: bool,
     /// How well the moduli are known.
     pub precision: Precision,
+    /// A second search from elsewhere, where the study asks for it.
+    pub second: Option<SecondStart>,
+}
+
+impl Calibration {
+    /// Whether any modulus was fitted.
+    pub fn fitted(&self) -> bool {
+        self.trials.len() > 1
+    }
+
+    /// Root mean square distance (mm) that the fit leaves in the fitted poses after their best rigid motions; `None`
+    /// without such a pose.
+    pub fn misfit_mm(&self) -> Option<f64> {
+        let least = self.trials.iter().map(|trial| trial.misfit_mm).fold(f64::INFINITY, f64::min);
+        (self.after.poses.len() > 1 && least.is_finite()).then_some(least)
+    }
+
+    /// That over what chest walls and labels explain.
+    pub fn lack_of_fit(&self) -> Option<f64> {
+        Some(self.misfit_mm()? / EXPLAINED_MM)
+    }
+
+    /// What to say when the fit leaves far more than can be explained.
+    pub fn contradiction(&self) -> Option<String> {
+        let (misfit_mm, lack) = self.misfit_mm().zip(self.lack_of_fit())?;
+        (self.fitted() && lack > CONTRADICTION).then(|| {
+            format!(
+                "The fitted poses contradict the model or each other: {misfit_mm:.1} mm (rms) are left, {lack:.0} times what \
+                 labels and chest wall explain. A pose may be of another person or posture, or badly registered or \
+                 segmented; else the model lacks something large. The moduli mean nothing"
+            )
+        })
+    }
 }
 
 impl Artifact for Calibration {
@@ -151,6 +215,9 @@ impl Artifact for Calibration {
         file.put_json("trials", &self.trials, "evaluations of the search")?;
         file.put_json("converged", &self.converged, "whether the search came to its end")?;
         file.put_json("precision", &self.precision, "standard deviations of ln(modulus)")?;
+        if let Some(second) = &self.second {
+            file.put_json("second", second, "a second search from elsewhere")?;
+        }
         for (group, fit) in [("before", &self.before), ("after", &self.after)] {
             file.put_json(
                 &format!("{group}/moduli"),
@@ -189,6 +256,7 @@ impl Artifact for Calibration {
             trials: file.json("trials")?,
             converged: file.json("converged")?,
             precision: file.json("precision")?,
+            second: file.has("second").then(|| file.json("second")).transpose()?,
         })
     }
 }
@@ -216,13 +284,47 @@ impl Stage for Calibrate {
         let wanted = |(_, key): &(Side, &str)| self.plan.parameters.iter().any(|p| p == key);
         let fitted = fitted.filter(wanted).map(|(side, _)| side).collect();
         let experiment = Experiment::new(mesh, &self.model, &self.plan, &measured)?;
-        Search { experiment, fitted }.run(Moduli::of(&self.model), progress)
+        let search = Search { experiment, fitted };
+        let start = Moduli::of(&self.model);
+        if !(self.plan.second_start && search.searches()) {
+            return search.run(start, progress);
+        }
+        let mut found = search.run(start, &Part { whole: progress, from: 0.0, to: 0.5 })?;
+        found.second = Some(again(&search, start, &Part { whole: progress, from: 0.5, to: 1.0 })?);
+        Ok(found)
+    }
+}
+
+/// A second search, from stiffer moduli: softer ones may not stand.
+fn again(search: &Search, start: Moduli, progress: &dyn Progress) -> Result<SecondStart, Failure> {
+    let from = |side: Side| match search.fitted.contains(&side) {
+        true => SECOND_START * start.of_side(side),
+        false => start.of_side(side),
+    };
+    let from = Moduli { right_kpa: from(Side::Right), left_kpa: from(Side::Left) };
+    match search.run(from, progress) {
+        Ok(found) => {
+            let (end, evaluations) = (Some(found.after.moduli), found.trials.len());
+            Ok(SecondStart { from, end, evaluations })
+        }
+        Err(Failure::Numerics(_)) => Ok(SecondStart { from, end: None, evaluations: 0 }),
+        Err(other) => Err(other),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn two_starts_agree_when_both_moduli_are_alike() {
+        let moduli = |right_kpa: f64, left_kpa: f64| Moduli { right_kpa, left_kpa };
+        let second = |end| SecondStart { from: moduli(1.5, 1.5), end, evaluations: 6 };
+        let first = moduli(0.3, 0.2);
+        assert!(second(Some(moduli(0.308, 0.195))).agrees(&first));
+        assert!(!second(Some(moduli(0.3, 0.21))).agrees(&first));
+        assert!(!second(None).agrees(&first), "no equilibrium is no agreement");
+    }
 
     #[test]
     fn draws_have_the_deviations_and_the_correlation_they_are_made_of() {

@@ -104,12 +104,17 @@ impl Compared {
 }
 
 impl Search<'_> {
+    /// Whether there is something to fit, and a pose to fit it to.
+    pub fn searches(&self) -> bool {
+        !self.fitted.is_empty() && self.experiment.targets.len() > 1
+    }
+
     /// Searches from `start`.
     ///
     /// # Errors
     /// [`Failure::Numerics`] when the start has no equilibrium, or nothing beside it.
     pub fn run(&self, start: Moduli, progress: &dyn Progress) -> Result<Calibration, Failure> {
-        let searched = !self.fitted.is_empty() && self.experiment.targets.len() > 1;
+        let searched = self.searches();
         let rounds = if searched { MAX_TRIALS } else { 1 };
         let mut trials: Vec<Trial> = Vec::new();
         let mut failed: Option<(Moduli, String)> = None;
@@ -195,7 +200,7 @@ impl Search<'_> {
             return Err(Failure::Numerics("calibrate: no trial was evaluated".into()));
         };
         let precision = precision(&compared, &best, &slopes);
-        Ok(Calibration { before, after: best.fit, trials, converged, precision })
+        Ok(Calibration { before, after: best.fit, trials, converged, precision, second: None })
     }
 
     /// The first step: softer where the breast sags too little.

@@ -1,10 +1,11 @@
 //! `results.h5` as a stage.
 
-use super::{clamping, sections};
+use super::{clamping, fits, sections};
 use crate::{
     artifact::{bytes_artifact, bytes_of},
     calibrate::Calibration,
     compress::Compression,
+    fiducials::Fiducials,
     mammogram::Mammograms,
     mesh::BreastMesh,
     pose::PoseFit,
@@ -39,12 +40,13 @@ bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
-    const VERSION: u32 = 7;
+    const VERSION: u32 = 8;
     const METHODS: &'static str = "";
     type Input = (
         BreastMesh,
         Calibration,
         Vec<Validation>,
+        Vec<Fiducials>,
         Vec<Registered>,
         Option<Compression>,
         Option<Mammograms>,
@@ -54,11 +56,11 @@ impl Stage for Deliver {
 
     fn run(
         &self,
-        (mesh, calibration, validations, motions, compression, mammograms, metrics): &Self::Input,
+        (mesh, calibration, validations, fiducials, motions, compression, mammograms, metrics): &Self::Input,
         _: &dyn Progress,
     ) -> Result<ResultsFile, Failure> {
         let rest = TetMesh { points: calibration.after.rest.clone(), ..mesh.mesh.clone() };
-        let poses = self.poses(calibration, validations, motions);
+        let poses = self.poses(calibration, validations, fiducials, motions);
         let pressure: Vec<Field> = compression.iter().flat_map(contact).collect();
         let squeezed = compression.as_ref().map(Compression::in_reference_pose);
         let shown = match (&squeezed, poses.last()) {
@@ -94,6 +96,7 @@ impl Stage for Deliver {
         }
         let metrics: Vec<Metric> = sections::round_trip(calibration)
             .into_iter()
+            .chain(fits::metrics(calibration, fiducials))
             .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
             .collect();
         let results = Results {
@@ -118,6 +121,7 @@ impl Deliver {
         &self,
         calibration: &'a Calibration,
         validations: &'a [Validation],
+        fiducials: &'a [Fiducials],
         motions: &'a [Registered],
     ) -> Vec<PoseResult<'a>> {
         let fitted = calibration.before.poses.iter().zip(&calibration.after.poses);
@@ -126,7 +130,8 @@ impl Deliver {
             let number = self.moving.iter().position(|name| *name == after.pose);
             let registered = number.and_then(|n| motions.get(n));
             let usage = self.study.poses.get(&after.pose).map_or(Use::Fit, |pose| pose.usage);
-            PoseResult { registered, usage, before, after }
+            let fiducials = fiducials.iter().find(|found| found.pose == after.pose);
+            PoseResult { registered, usage, before, after, fiducials }
         };
         fitted.chain(held_out).map(result).collect()
     }

@@ -1,12 +1,13 @@
 //! `report.html` as a stage.
 
-use super::{clamping, scenes::scenes, sections};
+use super::{clamping, fits, scenes::scenes, sections};
 use crate::{
     align,
     artifact::bytes_artifact,
     calibrate::{self, Calibration},
     clamp, comfort, compress,
     compress::Compression,
+    fiducials::{Carry, Fiducials},
     mammogram,
     mammogram::Mammograms,
     mesh,
@@ -25,7 +26,7 @@ use crate::{
     validate,
     validate::Validation,
 };
-use mammotwin_data::{Failure, progress::Progress, store::Stage};
+use mammotwin_data::{Failure, progress::Progress, store::Stage, study::ModelPlan};
 use serde::Serialize;
 
 /// Writes what was found into one page for people.
@@ -37,6 +38,10 @@ pub struct Report {
     pub poses: Vec<String>,
     /// What a reader must know first.
     pub warnings: Vec<String>,
+    /// Tissues and supports.
+    pub model: ModelPlan,
+    /// Study keys of what was fitted.
+    pub parameters: Vec<String>,
     /// Version and stages that made the results.
     pub provenance: Provenance,
 }
@@ -45,15 +50,15 @@ bytes_artifact!("The text of `report.html`.", ReportFile, "html");
 
 /// What was made of the images: cuts and surfaces of all poses, motions of all but the first.
 pub type Images = (Vec<PosePictures>, Vec<PoseSurfaces>, Vec<Registered>);
-/// What was made of the reference pose.
-pub type Mechanics = (BreastMesh, Calibration, Vec<Validation>);
+/// What was made of the reference pose, of the poses that were held out, and of the markers.
+pub type Mechanics = (BreastMesh, Calibration, Vec<Validation>, Vec<Fiducials>);
 /// What was made of the compression.
 pub type Squeezed =
     (Option<Compression>, Option<CompressedPhantom>, Option<Mammograms>, Vec<Metrics>);
 
 impl Stage for Report {
     const NAME: &'static str = "report";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const METHODS: &'static str = "";
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
@@ -63,7 +68,7 @@ impl Stage for Report {
         (images, mechanics, squeezed): &Self::Input,
         progress: &dyn Progress,
     ) -> Result<ReportFile, Failure> {
-        let (mesh, calibration, validations) = mechanics;
+        let (mesh, calibration, validations, fiducials) = mechanics;
         let (compression, phantom, mammograms, metrics) = squeezed;
         progress.report(0.1, "images");
         let mut input = ReportInput {
@@ -77,6 +82,7 @@ impl Stage for Report {
             scenes: scenes(mesh, calibration, validations, compression.as_ref()),
             metrics: sections::round_trip(calibration)
                 .into_iter()
+                .chain(fits::metrics(calibration, fiducials))
                 .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
                 .collect(),
             methods: methods(
@@ -86,6 +92,7 @@ impl Stage for Report {
             provenance: self.provenance.clone(),
             ..ReportInput::default()
         };
+        self.fit(&mut input, calibration, fiducials);
         if let (Some(compression), Some(phantom), Some(made)) = (compression, phantom, mammograms) {
             input.mammograms = sections::mammograms(compression, phantom, made);
         }
@@ -111,6 +118,26 @@ impl Stage for Report {
             sections::summary(&self.poses, calibration, validations, compression.as_ref());
         progress.report(0.6, "page");
         Ok(ReportFile(report::render(&input)?.into_bytes()))
+    }
+}
+
+impl Report {
+    /// Markers and limits of the fit.
+    fn fit(&self, input: &mut ReportInput, calibration: &Calibration, fiducials: &[Fiducials]) {
+        for found in fiducials {
+            let held_out = input.validations.iter_mut().find(|(pose, _)| *pose == found.pose);
+            let part = held_out.map(|(_, part)| part).or(input.calibration.as_mut());
+            part.into_iter().for_each(|part| part.facts.extend(fits::markers(found)));
+        }
+        if let Some(part) = &mut input.calibration {
+            part.notes = fits::untold(&self.model, &self.parameters, calibration);
+        }
+        if fiducials.iter().any(|found| !found.markers.is_empty()) {
+            input.methods.push(Carry::METHODS.into());
+        }
+        input.warnings.extend(calibration.contradiction());
+        input.warnings.extend(fits::second_start_warning(calibration));
+        input.warnings.extend(fits::marker_warnings(fiducials, self.poses.len() > 1));
     }
 }
 

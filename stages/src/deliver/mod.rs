@@ -2,6 +2,7 @@
 
 mod clamping;
 mod dicom;
+mod fits;
 mod hdf5;
 mod html;
 mod picture;

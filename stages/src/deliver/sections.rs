@@ -235,7 +235,7 @@ pub fn calibration(mesh: &BreastMesh, calibration: &Calibration) -> FitReport {
         maps.push(distance_map(mesh, now, format!("{} after the fit", now.pose)));
     }
     let charts = if fitted { vec![search_chart(trials)] } else { Vec::new() };
-    FitReport { facts, charts, maps }
+    FitReport { facts, charts, maps, ..FitReport::default() }
 }
 
 /// Standard deviations on either side that hold 90 % of a normal distribution.
@@ -299,11 +299,11 @@ pub fn validation(mesh: &BreastMesh, validation: &Validation) -> (String, FitRep
             Fact::new("Hausdorff", format!("{:.2} mm", d.hausdorff)),
             Fact::new("Thesis, modified Hausdorff", "6.14 mm"),
         ],
-        charts: Vec::new(),
         maps: vec![
             distance_map(mesh, before, format!("{} before the fit", before.pose)),
             distance_map(mesh, after, format!("{} after the fit", after.pose)),
         ],
+        ..FitReport::default()
     };
     (after.pose.clone(), report)
 }

@@ -46,9 +46,9 @@ pub fn render(input: &ReportInput) -> Result<String, Failure> {
     });
     let compression = match &input.compression {
         None => None,
-        Some(part) => Some(fit(&part.facts, &part.curves, &part.maps)?),
+        Some(part) => Some(fit(&part.facts, &part.curves, &part.maps, &[])?),
     };
-    let fitted = |part: &FitReport| fit(&part.facts, &part.charts, &part.maps);
+    let fitted = |part: &FitReport| fit(&part.facts, &part.charts, &part.maps, &part.notes);
     let mut validations = Vec::new();
     for (pose, part) in &input.validations {
         validations.push(context! { pose => pose, part => fitted(part)? });
@@ -101,6 +101,7 @@ fn fit(
     facts: &[Fact],
     charts: &[Chart],
     surfaces: &[SurfaceMap],
+    notes: &[String],
 ) -> Result<minijinja::Value, Failure> {
     let charts: Vec<_> = charts
         .iter()
@@ -110,7 +111,7 @@ fn fit(
             body: chart::lines(chart),
         })
         .collect();
-    Ok(context! { facts => facts, charts => charts, maps => maps(surfaces)? })
+    Ok(context! { facts => facts, charts => charts, maps => maps(surfaces)?, notes => notes })
 }
 
 fn histogram(histogram: &Histogram) -> Figure<'_> {

@@ -140,6 +140,8 @@ pub struct FitReport {
     pub charts: Vec<Chart>,
     /// Distances of the skin.
     pub maps: Vec<SurfaceMap>,
+    /// What the data cannot tell, a paragraph each.
+    pub notes: Vec<String>,
 }
 
 /// The compression.

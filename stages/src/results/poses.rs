@@ -3,10 +3,12 @@
 
 use crate::{
     calibrate::{Calibration, Fit},
+    fiducials::{Fiducials, Miss, Summary},
+    model::Moduli,
     pose::PoseFit,
     register::Registered,
 };
-use mammotwin_data::{Failure, io::hdf5::Writer, mesh::TetMesh, study::Use, units::DEGREE};
+use mammotwin_data::{Failure, Vec3, io::hdf5::Writer, mesh::TetMesh, study::Use, units::DEGREE};
 
 /// One pose of the study.
 #[derive(Debug, Clone, Copy)]
@@ -19,6 +21,8 @@ pub struct PoseResult<'a> {
     pub before: &'a PoseFit,
     /// With the fitted moduli.
     pub after: &'a PoseFit,
+    /// Markers on the breasts, where the pose and the reference pose have landmarks.
+    pub fiducials: Option<&'a Fiducials>,
 }
 
 /// Writes `/poses/NAME`.
@@ -45,7 +49,51 @@ pub fn put_pose(file: &mut Writer, pose: &PoseResult) -> Result<(), Failure> {
     put_fit(file, &at("before"), pose.before, "With the moduli of the study")?;
     let long_name = "Nodes of the pose with the moduli of the study";
     file.put(&at("before/points"), &pose.before.solution.points, "mm", long_name)?;
-    put_fit(file, &at("after"), fit, "With the fitted moduli")
+    put_fit(file, &at("after"), fit, "With the fitted moduli")?;
+    match pose.fiducials.filter(|found| !found.markers.is_empty()) {
+        Some(found) => put_fiducials(file, &at("fiducials"), found),
+        None => Ok(()),
+    }
+}
+
+fn put_fiducials(file: &mut Writer, group: &str, found: &Fiducials) -> Result<(), Failure> {
+    let at = |name: &str| format!("{group}/{name}");
+    let markers = &found.markers;
+    let names: Vec<&str> = markers.iter().map(|marker| marker.name.as_str()).collect();
+    file.put_texts(&at("names"), &names, "Markers on the breasts that both poses have")?;
+    let measured: Vec<Vec3> = markers.iter().map(|marker| marker.measured).collect();
+    file.put(&at("measured_mm"), &measured, "mm", "Where each was measured")?;
+    let moved: Vec<f64> = markers.iter().map(|marker| marker.moved_mm()).collect();
+    let long_name = "Distance of that from its place in the reference pose";
+    file.put(&at("moved_mm"), &moved, "mm", long_name)?;
+    let before: Vec<Miss> = markers.iter().map(|marker| marker.before).collect();
+    put_misses(file, &at("before"), &before, "With the moduli of the study")?;
+    let after: Vec<Miss> = markers.iter().map(|marker| marker.after).collect();
+    put_misses(file, &at("after"), &after, "With the fitted moduli")?;
+    Ok(file.attribute(group, "long_name", "Markers, carried by the simulated skin")?)
+}
+
+fn put_misses(file: &mut Writer, group: &str, misses: &[Miss], words: &str) -> Result<(), Failure> {
+    let at = |name: &str| format!("{group}/{name}");
+    let carried: Vec<Vec3> = misses.iter().map(|miss| miss.carried).collect();
+    file.put(&at("carried_mm"), &carried, "mm", "Where the simulated skin carries each")?;
+    let normal: Vec<f64> = misses.iter().map(|miss| miss.normal_mm).collect();
+    let long_name = "Carried less measured place along the outward normal of the skin";
+    file.put(&at("normal_mm"), &normal, "mm", long_name)?;
+    let tangential: Vec<f64> = misses.iter().map(|miss| miss.tangential_mm).collect();
+    file.put(&at("tangential_mm"), &tangential, "mm", "The rest of it, along the skin")?;
+    if let Some(summary) = Summary::of(misses) {
+        for (name, value, long_name) in [
+            ("mean_mm", summary.mean_mm, "Mean distance"),
+            ("max_mm", summary.max_mm, "Largest distance"),
+            ("tangential_mean_mm", summary.tangential_mean_mm, "Mean distance along the skin"),
+            ("tangential_max_mm", summary.tangential_max_mm, "Largest distance along the skin"),
+            ("normal_mean_mm", summary.normal_mean_mm, "Mean distance along the normal"),
+        ] {
+            file.put_scalar(&at(name), value, "mm", long_name)?;
+        }
+    }
+    Ok(file.attribute(group, "long_name", words)?)
 }
 
 fn put_registration(
@@ -101,6 +149,36 @@ fn put_fit(file: &mut Writer, group: &str, fit: &PoseFit, long_name: &str) -> Re
     Ok(())
 }
 
+/// How much the fit leaves, and how well it knows the moduli.
+fn put_certainty(file: &mut Writer, found: &Calibration) -> Result<(), Failure> {
+    if let (Some(misfit_mm), Some(lack)) = (found.misfit_mm(), found.lack_of_fit()) {
+        let long_name = "Root mean square distance that is left after the best rigid motions";
+        file.put_scalar("calibration/misfit_mm", misfit_mm, "mm", long_name)?;
+        let long_name = "That over what chest walls and labels explain";
+        file.put_scalar("calibration/lack_of_fit", lack, "1", long_name)?;
+    }
+    let precision = &found.precision;
+    for (name, value, long_name) in [
+        ("sd_ln_young_right", precision.right, "Standard deviation of ln(modulus), right"),
+        ("sd_ln_young_left", precision.left, "Standard deviation of ln(modulus), left"),
+        ("correlation", precision.correlation, "Correlation of the two"),
+    ] {
+        if let Some(value) = value {
+            file.put_scalar(&format!("calibration/{name}"), value, "1", long_name)?;
+        }
+    }
+    let Some(second) = &found.second else { return Ok(()) };
+    let put = |file: &mut Writer, name: &str, moduli: Moduli, long_name: &str| {
+        let both = [moduli.right_kpa, moduli.left_kpa];
+        file.put(&format!("calibration/second_start/{name}"), &both, "kPa", long_name)
+    };
+    put(file, "from_kpa", second.from, "Right and left modulus that a second search began with")?;
+    if let Some(end) = second.end {
+        put(file, "end_kpa", end, "Right and left modulus that it ended with")?;
+    }
+    Ok(())
+}
+
 /// Moduli that are drawn.
 pub const DRAWS: usize = 1000;
 
@@ -127,6 +205,7 @@ pub fn put_calibration(
     };
     put("before", &found.before, "With the moduli of the study")?;
     put("after", &found.after, "With the fitted moduli")?;
+    put_certainty(file, found)?;
     let draws = found.precision.draws(found.after.moduli, DRAWS);
     if !draws.is_empty() {
         let values: Vec<f64> = draws.iter().flatten().copied().collect();

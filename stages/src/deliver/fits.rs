@@ -1,0 +1,255 @@
+//! What a fit says beside its distances: markers on the breasts, what the data cannot tell, how much is left.
+
+use crate::{
+    calibrate::{Calibration, FITTED},
+    fiducials::{Fiducials, Summary},
+    report::Fact,
+};
+use mammotwin_data::{labels::Side, metric::Metric, study::{LayerPlan, ModelPlan}};
+
+/// Said where no marker tests the fit.
+pub const NO_FIDUCIAL: &str = "No marker on the breasts (breast_..., nipple_...) is in the reference pose and in another one: \
+    skins are compared by their distance alone, and nothing shows how far tissue slid along them.";
+
+/// Markers of a pose, before and after the fit.
+pub fn markers(found: &Fiducials) -> Vec<Fact> {
+    let (Some(before), Some(after), Some(moved)) = (found.before(), found.after(), found.moved_mm()) else {
+        return Vec::new();
+    };
+    let pose = &found.pose;
+    let way = |of: fn(&Summary) -> f64| format!("{:.1} → {:.1}", of(&before), of(&after));
+    let mut facts = vec![
+        Fact::new(
+            &format!("Markers, {pose}"),
+            format!(
+                "{} mm off in the mean, {} mm at most; they moved by {moved:.1} mm",
+                way(|s| s.mean_mm),
+                way(|s| s.max_mm)
+            ),
+        ),
+        Fact::new(
+            &format!("Markers along the skin, {pose}"),
+            format!("{} mm in the mean, {} mm at most", way(|s| s.tangential_mean_mm), way(|s| s.tangential_max_mm)),
+        ),
+    ];
+    for marker in &found.markers {
+        let (then, now) = (marker.before, marker.after);
+        let text = format!(
+            "{:.1} → {:.1} mm along the skin, {:.1} → {:.1} mm along the normal",
+            then.tangential_mm, now.tangential_mm, then.normal_mm, now.normal_mm
+        );
+        facts.push(Fact::new(&format!("{}, {pose}", marker.name), text.replace('-', "−")));
+    }
+    facts
+}
+
+/// Warnings about markers: none at all, and those that are not on the model's skin.
+pub fn marker_warnings(all: &[Fiducials], moved: bool) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if moved && all.iter().all(|pose| pose.markers.is_empty()) {
+        warnings.push(NO_FIDUCIAL.into());
+    }
+    for pose in all.iter().filter(|pose| !pose.off_skin.is_empty()) {
+        let names = pose.off_skin.join(", ");
+        let text = format!("{}: not compared, since farther than 10 mm from the model's skin in the reference pose: {names}", pose.pose);
+        warnings.push(text);
+    }
+    warnings
+}
+
+/// What the poses cannot tell, in plain words.
+pub fn untold(model: &ModelPlan, parameters: &[String], calibration: &Calibration) -> Vec<String> {
+    let mut text = Vec::new();
+    let density = model.density_g_per_cm3;
+    text.push(format!(
+        "Under gravity only the ratio of density to stiffness acts: with the density ({density} g/cm³) and all moduli (breast, \
+         skin, fascia, ligaments) multiplied by one number no pose changes. The moduli are those of this density."
+    ));
+    let layer = |plan: &LayerPlan| format!("{} kPa, {} mm ({})", plan.young_kpa, plan.thickness_mm, plan.law.name());
+    let breast = &model.breast;
+    let mut held = vec![
+        format!("law ({}) and Poisson's ratio ({}) of the breast", breast.law.name(), breast.poisson),
+        format!("skin: {}", layer(&model.skin)),
+        format!("fascia: {}", layer(&model.fascia)),
+        format!("ligaments: {} kPa", model.ligaments.young_kpa),
+        format!("chest wall: {}", model.interface.kind.name()),
+    ];
+    for (side, key) in [Side::Right, Side::Left].into_iter().zip(FITTED) {
+        if !parameters.iter().any(|fitted| fitted == key) {
+            let kpa = calibration.after.moduli.of_side(side);
+            held.insert(0, format!("modulus of the {} breast ({kpa:.3} kPa)", side.name()));
+        }
+    }
+    text.push(format!("Held at what the study gives: {}.", held.join("; ")));
+    if calibration.fitted() {
+        text.push(
+            "Skin and fascia were not fitted: they carry a part of the weight, and where they are stiffer than the study has \
+             them, the breast comes out too stiff, else too soft. The stated intervals know nothing of it."
+                .into(),
+        );
+    }
+    if let Some(correlation) = calibration.precision.correlation {
+        text.push(
+            format!(
+                "Errors of the right and the left modulus have a correlation of {correlation:.2}: what is not known of one {} the other.",
+                if correlation.abs() < 0.3 { "says little about" } else { "goes with that of" }
+            )
+            .replace('-', "−"),
+        );
+    }
+    if let Some(second) = &calibration.second {
+        let from = [second.from.right_kpa, second.from.left_kpa].map(|kpa| format!("{kpa:.2}")).join(" and ");
+        text.push(match &second.end {
+            Some(end) => format!(
+                "A second search from {from} kPa (right, left) ended at {:.3} and {:.3} kPa after {} evaluations: {}.",
+                end.right_kpa,
+                end.left_kpa,
+                second.evaluations,
+                if second.agrees(&calibration.after.moduli) { "as the first one" } else { "elsewhere than the first one" }
+            ),
+            None => format!("A second search from {from} kPa (right, left) found no equilibrium."),
+        });
+    }
+    text
+}
+
+/// What a second search says against the first one.
+pub fn second_start_warning(calibration: &Calibration) -> Option<String> {
+    let second = calibration.second.as_ref()?;
+    (!second.agrees(&calibration.after.moduli)).then(|| {
+        "A second search from other moduli did not end where the first one did: the moduli depend on where the search begins".into()
+    })
+}
+
+/// Numbers of the fit and of the markers, for the tables of results.
+pub fn metrics(calibration: &Calibration, fiducials: &[Fiducials]) -> Vec<Metric> {
+    let mut metrics = Vec::new();
+    if let (Some(misfit_mm), Some(lack)) = (calibration.misfit_mm(), calibration.lack_of_fit()) {
+        let source = "fitted poses, after their best rigid motions";
+        let long = "Root mean square distance that the fit leaves";
+        metrics.push(Metric::new("misfit_rms_mm", long, "mm", misfit_mm, source));
+        let long = "Lack of fit: that over the 1.2 mm that chest wall and labels explain";
+        metrics.push(Metric::new("lack_of_fit", long, "", lack, source));
+    }
+    for pose in fiducials {
+        let Some(after) = pose.after() else { continue };
+        let source = "markers on the breasts, carried by the simulated skin";
+        for (name, words, value) in [
+            ("mean", "mean distance", after.mean_mm),
+            ("max", "largest distance", after.max_mm),
+            ("tangential_mean", "mean distance along the skin", after.tangential_mean_mm),
+            ("tangential_max", "largest distance along the skin", after.tangential_max_mm),
+        ] {
+            let long = format!("Markers, {}: {words}", pose.pose);
+            metrics.push(Metric::new(&format!("{}_fiducials_{name}_mm", pose.pose), &long, "mm", value, source));
+        }
+    }
+    metrics
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        calibrate::{Fit, Precision, RoundTrip, SecondStart, Trial},
+        fiducials::{Fiducial, Miss},
+        model::Moduli,
+        pose::PoseFit,
+    };
+    use mammotwin_data::{Vec3, solution::Solution};
+    use mammotwin_solver::distance::Distances;
+
+    /// A fit of prone to supine that leaves `misfit_mm`.
+    fn calibration(misfit_mm: f64) -> Calibration {
+        let moduli = Moduli { right_kpa: 0.31, left_kpa: 0.22 };
+        let pose = |pose: &str| PoseFit {
+            pose: pose.into(),
+            gravity: Vec3::y(),
+            solution: Solution::default(),
+            active: Vec::new(),
+            signed_mm: Vec::new(),
+            distances: Distances { min: 0.0, max: 1.0, mean: 0.5, p95: 0.9, hausdorff: 1.0, modified_hausdorff: 0.5 },
+        };
+        let round_trip = RoundTrip { rms_mm: 0.0, max_mm: 0.0, off_wall_mm: 0.0 };
+        let fit = Fit { moduli, round_trip, rest: Vec::new(), poses: vec![pose("supine"), pose("prone")] };
+        let trial = |misfit_mm| Trial {
+            moduli,
+            residual_right_mm: 0.0,
+            residual_left_mm: 0.0,
+            misfit_mm,
+            modified_hausdorff_mm: 1.0,
+        };
+        Calibration {
+            before: fit.clone(),
+            after: fit,
+            trials: vec![trial(8.0), trial(misfit_mm)],
+            converged: true,
+            precision: Precision { correlation: Some(-0.12), ..Precision::default() },
+            second: None,
+        }
+    }
+
+    #[test]
+    fn poses_that_contradict_each_other_are_told_and_good_ones_are_not() {
+        assert_eq!(calibration(1.2).contradiction(), None, "as much as chest walls explain");
+        assert_eq!(calibration(1.2).lack_of_fit(), Some(1.0));
+        let told = calibration(6.0).contradiction().unwrap();
+        assert!(told.contains("6.0 mm (rms) are left, 5 times"), "{told}");
+        let mut given = calibration(6.0);
+        given.trials.truncate(1);
+        assert_eq!(given.contradiction(), None, "nothing was fitted: the moduli may be wrong");
+        let numbers = metrics(&calibration(6.0), &[]);
+        assert_eq!((numbers[1].name.as_str(), numbers[1].value), ("lack_of_fit", 5.0));
+        given.after.poses.truncate(1);
+        assert!(metrics(&given, &[]).is_empty(), "one pose leaves nothing to compare");
+    }
+
+    #[test]
+    fn what_the_poses_cannot_tell_names_what_was_held() {
+        let model = ModelPlan::default();
+        let all = untold(&model, &FITTED.map(String::from), &calibration(1.0)).join(" ");
+        for part in ["0.981 g/cm³", "skin: 10 kPa, 2 mm", "fascia: 160 kPa", "Skin and fascia were not fitted", "−0.12"] {
+            assert!(all.contains(part), "{part}: {all}");
+        }
+        assert!(!all.contains("modulus of the"), "{all}");
+        let one = untold(&model, &FITTED[..1].iter().map(|&key| key.into()).collect::<Vec<_>>(), &calibration(1.0)).join(" ");
+        assert!(one.contains("modulus of the left breast (0.220 kPa)") && !one.contains("right breast ("), "{one}");
+    }
+
+    #[test]
+    fn a_second_search_that_ends_elsewhere_is_a_warning() {
+        let mut found = calibration(1.0);
+        assert_eq!(second_start_warning(&found), None);
+        let from = Moduli { right_kpa: 1.5, left_kpa: 1.5 };
+        let second = |left_kpa: f64| SecondStart { from, end: Some(Moduli { right_kpa: 0.31, left_kpa }), evaluations: 7 };
+        found.second = Some(second(0.221));
+        assert_eq!(second_start_warning(&found), None);
+        assert!(untold(&ModelPlan::default(), &[], &found).join(" ").contains("7 evaluations: as the first one"));
+        found.second = Some(second(0.4));
+        assert!(second_start_warning(&found).is_some());
+    }
+
+    #[test]
+    fn markers_are_told_one_by_one_and_none_is_pretended() {
+        let miss = |normal_mm: f64, tangential_mm: f64| Miss { carried: Vec3::zeros(), normal_mm, tangential_mm };
+        let marker = Fiducial {
+            name: "nipple_left".into(),
+            reference: Vec3::zeros(),
+            measured: 20.0 * Vec3::x(),
+            before: miss(-3.0, 4.0),
+            after: miss(0.6, 0.8),
+        };
+        let found = Fiducials { pose: "prone".into(), markers: vec![marker], off_skin: vec!["breast_left_outer".into()] };
+        let facts = markers(&found);
+        assert_eq!(facts[0].value, "5.0 → 1.0 mm off in the mean, 5.0 → 1.0 mm at most; they moved by 20.0 mm");
+        assert_eq!(facts[2].name, "nipple_left, prone");
+        assert_eq!(facts[2].value, "4.0 → 0.8 mm along the skin, −3.0 → 0.6 mm along the normal");
+        let told = marker_warnings(&[found], true);
+        assert!(told.len() == 1 && told[0].contains("breast_left_outer"), "{told:?}");
+        let none = Fiducials { pose: "prone".into(), ..Fiducials::default() };
+        assert!(markers(&none).is_empty() && metrics(&calibration(1.0), &[none.clone()]).len() == 2);
+        assert_eq!(marker_warnings(&[none], true), [NO_FIDUCIAL]);
+        assert_eq!(marker_warnings(&[], true), [NO_FIDUCIAL]);
+        assert!(marker_warnings(&[], false).is_empty(), "one pose alone needs none");
+    }
+}
