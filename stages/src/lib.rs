@@ -36,3 +36,4 @@ mod span;
 pub mod surface;
 pub mod validate;
 pub mod volunteer;
+pub mod wall_distance;

@@ -39,7 +39,7 @@ bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
-    const VERSION: u32 = 7;
+    const VERSION: u32 = 8;
     const METHODS: &'static str = "";
     type Input = (
         BreastMesh,
@@ -94,6 +94,7 @@ impl Stage for Deliver {
         }
         let metrics: Vec<Metric> = sections::round_trip(calibration)
             .into_iter()
+            .chain(sections::walls(&self.moving, motions))
             .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
             .collect();
         let results = Results {

@@ -53,7 +53,7 @@ pub type Squeezed =
 
 impl Stage for Report {
     const NAME: &'static str = "report";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const METHODS: &'static str = "";
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
@@ -77,6 +77,7 @@ impl Stage for Report {
             scenes: scenes(mesh, calibration, validations, compression.as_ref()),
             metrics: sections::round_trip(calibration)
                 .into_iter()
+                .chain(sections::walls(self.poses.get(1..).unwrap_or_default(), &images.2))
                 .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
                 .collect(),
             methods: methods(
