@@ -415,11 +415,13 @@ pub(crate) fn images(
     for name in order {
         let (pose, scan) = (&study.poses[name], scans[name].clone());
         let gravity_in_image = gravity(name, pose)?;
-        let start: Option<Stored<Start>> = if name == reference {
-            None
-        } else {
-            let own = landmarks(name)?;
-            Some(run.stage(name, &Align, (reference_landmarks.as_ref(), own.as_ref()))?)
+        let start: Option<Stored<Start>> = match poses.get(reference) {
+            None => None,
+            Some(fixed) => {
+                let (marks, own) = (reference_landmarks.as_ref(), landmarks(name)?);
+                let images = (&fixed.scan, &fixed.labels, &scan);
+                Some(run.stage(name, &Align, (marks, own.as_ref(), images))?)
+            }
         };
         let labels = match &pose.labels {
             Some(path) => run.external(&format!("poses.{name}.labels"), path)?,
@@ -432,7 +434,12 @@ pub(crate) fn images(
         let registered = match (&start, poses.get(reference)) {
             (Some(start), Some(fixed)) => {
                 let register = Register { gravity_in_image };
-                Some(run.stage(name, &register, (&fixed.scan, &fixed.labels, &scan, start))?)
+                let both = (
+                    (&fixed.scan, &fixed.labels, &fixed.surfaces),
+                    (&scan, &labels, &surfaces),
+                    start,
+                );
+                Some(run.stage(name, &register, both)?)
             }
             _ => None,
         };

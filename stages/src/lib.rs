@@ -40,3 +40,4 @@ pub mod stiffer;
 pub mod surface;
 pub mod validate;
 pub mod volunteer;
+pub mod wall_distance;

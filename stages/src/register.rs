@@ -4,6 +4,8 @@
 use crate::{
     align::Start,
     artifact::{load_json, save_json},
+    surface::PoseSurfaces,
+    wall_distance::WallDistances,
 };
 use mammotwin_data::{
     Failure, Vec3,
@@ -13,14 +15,17 @@ use mammotwin_data::{
     store::{Artifact, Stage},
     volume::Volume,
 };
-use mammotwin_imaging::mri::register::{self, Search};
+use mammotwin_imaging::mri::register::{self, RegisterError, Search};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// So far in front of the muscle (mm) its edge to the fat is compared too ...
-const AHEAD_MM: f64 = 3.0;
+pub(crate) const AHEAD_MM: f64 = 3.0;
 /// ... and so far behind it the ribs.
-const BEHIND_MM: f64 = 20.0;
+pub(crate) const BEHIND_MM: f64 = 20.0;
+/// A mean correlation below this is of images that do not lie on each other: digital volunteers
+/// reach TODO, T1 and T2 images of one person 0.65, starts that are lost TODO.
+const LOST: f64 = 0.4;
 
 /// Registers the image of a pose to the reference pose.
 #[derive(Debug, Clone, Serialize)]
@@ -36,10 +41,13 @@ pub struct Registered {
     pub transform: RigidTransform,
     /// Unit vector of gravity in the reference pose's frame.
     pub gravity: Vec3,
-    /// The motion that the landmarks alone gave.
+    /// The motion that the landmarks alone gave, or the images where there were none.
     pub start: Start,
     /// What the image registration says of itself; `None` for the reference pose.
     pub image: Option<register::Registration>,
+    /// How far the front of the muscle is from the reference's; `None` for the reference pose, and
+    /// where the labels show no breast.
+    pub wall: Option<WallDistances>,
 }
 
 impl Registered {
@@ -47,7 +55,7 @@ impl Registered {
     pub fn reference(gravity: Vec3) -> Self {
         let transform = RigidTransform::identity();
         let start = Start { transform, landmark_rms_mm: None, landmarks: 0 };
-        Self { transform, gravity, start, image: None }
+        Self { transform, gravity, start, image: None, wall: None }
     }
 }
 
@@ -63,32 +71,61 @@ impl Artifact for Registered {
     }
 }
 
+/// What is known of a pose: its image, labels and surfaces.
+pub type Pose = (Volume<f32>, LabelMap, PoseSurfaces);
+
 impl Stage for Register {
     const NAME: &'static str = "register";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const METHODS: &'static str = "Poses were registered to the reference pose by maximising the normalised \
          cross-correlation of the images over the pectoral muscle and the ribs behind it, from coarse \
          to fine: first rigidly, then with a smooth change of the chest wall's shape (cubic B-splines; \
          Rueckert, IEEE Trans. Med. Imaging 18 (1999) 712) of which the rigid part over the front of \
          the muscle was kept.";
-    type Input = (Volume<f32>, LabelMap, Volume<f32>, Start);
+    /// The reference pose, the other, and where that lies about.
+    type Input = (Pose, Pose, Start);
     type Output = Registered;
 
     fn run(
         &self,
-        (reference, labels, moving, start): &Self::Input,
+        (reference, pose, start): &Self::Input,
         progress: &dyn Progress,
     ) -> Result<Registered, Failure> {
-        let mask = register::chest_wall_mask(labels, BEHIND_MM, AHEAD_MM);
-        let search = if start.landmark_rms_mm.is_some() { Search::Near } else { Search::Wide };
-        let options = register::Options { search, ..register::Options::default() };
-        let front = register::chest_wall_front(labels);
-        let start_at = &start.transform;
-        let found = register::register_changed(
-            reference, &mask, &front, moving, start_at, &options, progress,
-        )
-        .map_err(|cause| Failure::Numerics(format!("registration: {cause}")))?;
+        let (_, own_labels, surfaces) = pose;
+        let found = find(reference, pose, &start.transform, progress)
+            .map_err(|cause| Failure::Numerics(format!("registration: {cause}")))?;
         let gravity = found.transform.direction(&self.gravity_in_image).normalize();
-        Ok(Registered { transform: found.transform, gravity, start: *start, image: Some(found) })
+        let wall = WallDistances::of(surfaces, own_labels, &reference.2, &found.transform)
+            .map_err(|cause| Failure::BadInput(format!("chest wall: {cause}")))?;
+        let transform = found.transform;
+        Ok(Registered { transform, gravity, start: *start, image: Some(found), wall })
+    }
+}
+
+/// Registers from a start; where that leads nowhere, from the centres of the chest walls with a
+/// wide search, and keeps what fits better.
+fn find(
+    (image, labels, _): &Pose,
+    (moving, own_labels, _): &Pose,
+    start: &RigidTransform,
+    progress: &dyn Progress,
+) -> Result<register::Registration, RegisterError> {
+    let [mask, own] =
+        [labels, own_labels].map(|l| register::chest_wall_mask(l, BEHIND_MM, AHEAD_MM));
+    let front = register::chest_wall_front(labels);
+    let from = |start: &RigidTransform, search: Search| {
+        let options = register::Options { search, ..register::Options::default() };
+        register::register_changed(image, &mask, &front, moving, start, &options, progress)
+    };
+    let near = from(start, Search::Near);
+    if near.as_ref().is_ok_and(|found| found.similarity_after > LOST) {
+        return near;
+    }
+    let Some(centers) = register::align_centers(&mask, &own) else { return near };
+    let similarity = |found: &register::Registration| found.similarity_after;
+    match (near, from(&centers, Search::Wide)) {
+        (Ok(near), Ok(wide)) if similarity(&wide) > similarity(&near) => Ok(wide),
+        (Err(_), wide) => wide,
+        (near, _) => near,
     }
 }

@@ -6,100 +6,248 @@
 use mammotwin_data::{
     Vec3,
     io::{landmarks, nifti},
-    labels::LabelMap,
     progress::Silent,
     rigid::RigidTransform,
     store::Stage,
     units::DEGREE,
     volume::Volume,
 };
-use mammotwin_imaging::mri::register::{Options, chest_wall_mask, register};
+use mammotwin_imaging::mri::register::{Options, Registration, chest_wall_mask, register};
 use mammotwin_stages::{
     align::{Align, Start},
-    register::Register,
+    register::{Pose, Register, Registered},
     segment::Segment,
+    surface::Surface,
     volunteer::{PoseName, Settings, Truth, synthesize},
 };
-use std::path::Path;
 
-fn pose(folder: &Path, name: &str) -> (Volume<f32>, Start) {
-    let marks =
-        |name: &str| landmarks::read(&folder.join(format!("{name}_landmarks.csv"))).unwrap();
-    let image = nifti::read(&folder.join(format!("{name}.nii.gz"))).unwrap();
-    let start = Align.run(&(Some(marks("supine")), Some(marks(name))), &Silent).unwrap();
-    (image, start)
+/// The poses that are registered to the supine one.
+const MOVING: [&str; 2] = ["prone", "tilted"];
+
+/// A volunteer in her folder.
+struct Volunteer {
+    name: String,
+    folder: tempfile::TempDir,
+    truth: Truth,
+    reference: Pose,
 }
 
-/// Root mean square error (mm) over the markers, and angle (degrees).
-fn error(found: &RigidTransform, truth: &Truth, name: &str) -> [f64; 2] {
-    let known = &truth.poses[name];
-    let marks: Vec<&Vec3> = known.landmarks.0.values().collect();
-    let off = |p: &&Vec3| (found.point(p) - known.to_common.point(p)).norm_squared();
-    let mm = (marks.iter().map(off).sum::<f64>() / marks.len() as f64).sqrt();
-    [mm, known.to_common.inverse().then(found).angle() / DEGREE]
+fn pose(image: Volume<f32>, start: Option<Start>) -> Pose {
+    let labels = Segment.run(&(image.clone(), start), &Silent).unwrap();
+    let surfaces = Surface::default().run(&labels, &Silent).unwrap();
+    (image, labels, surfaces)
 }
 
-/// Errors in each pose, of a wall that may change and of one that is taken for rigid.
-fn errors(preset: &str, seed: u64, voxel_mm: f64) -> Vec<[[f64; 2]; 2]> {
-    let folder = tempfile::tempdir().unwrap();
-    let settings = Settings {
-        preset: preset.into(),
-        seed,
-        voxel_mm: Some([voxel_mm; 3]),
-        poses: vec![PoseName::Supine, PoseName::Prone, PoseName::Tilted],
-        hidden: std::collections::BTreeMap::new(),
-        still: false,
-        elements: None,
-        truth_mm: None,
-        out_dir: folder.path().into(),
-    };
-    synthesize(&settings, &Silent).unwrap();
-    let truth = Truth::load(&folder.path().join("truth/truth.json")).unwrap();
-    let fixed = pose(folder.path(), "supine").0;
-    let labels: LabelMap = Segment.run(&(fixed.clone(), None), &Silent).unwrap();
-    let mask = chest_wall_mask(&labels, 20.0, 3.0);
+impl Volunteer {
+    fn made(preset: &str, seed: u64, voxel_mm: f64, still: bool) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let settings = Settings {
+            preset: preset.into(),
+            seed,
+            voxel_mm: Some([voxel_mm; 3]),
+            poses: vec![PoseName::Supine, PoseName::Prone, PoseName::Tilted],
+            hidden: std::collections::BTreeMap::new(),
+            still,
+            elements: None,
+            truth_mm: None,
+            out_dir: folder.path().into(),
+        };
+        synthesize(&settings, &Silent).unwrap();
+        let truth = Truth::load(&folder.path().join("truth/truth.json")).unwrap();
+        let supine = nifti::read(&folder.path().join("supine.nii.gz")).unwrap();
+        let name = format!("{preset} {seed}");
+        Self { name, folder, truth, reference: pose(supine, None) }
+    }
+
+    fn image(&self, name: &str) -> Volume<f32> {
+        nifti::read(&self.folder.path().join(format!("{name}.nii.gz"))).unwrap()
+    }
+
+    fn marked(&self, name: &str) -> Start {
+        let marks = |name: &str| {
+            landmarks::read(&self.folder.path().join(format!("{name}_landmarks.csv"))).unwrap()
+        };
+        Start::of_landmarks(&marks("supine"), &marks(name)).unwrap().unwrap()
+    }
+
+    fn register(&self, name: &str, pose: Pose, start: Start) -> Registered {
+        let register = Register { gravity_in_image: self.truth.poses[name].gravity_in_image };
+        register.run(&(self.reference.clone(), pose, start), &Silent).unwrap()
+    }
+
+    /// As the wall were rigid.
+    fn rigid(&self, moving: &Volume<f32>, start: &Start) -> Registration {
+        let mask = chest_wall_mask(&self.reference.1, 20.0, 3.0);
+        let (fixed, options) = (&self.reference.0, Options::default());
+        register(fixed, &mask, moving, &start.transform, &options, &Silent).unwrap()
+    }
+
+    /// Root mean square error (mm) over the markers, and angle (degrees); of an image whose own frame was
+    /// `turned`.
+    fn error(&self, found: &RigidTransform, name: &str, turned: &RigidTransform) -> [f64; 2] {
+        let known = &self.truth.poses[name];
+        let marks: Vec<&Vec3> = known.landmarks.0.values().collect();
+        let off =
+            |p: &&Vec3| (found.point(&turned.point(p)) - known.to_common.point(p)).norm_squared();
+        let mm = (marks.iter().map(off).sum::<f64>() / marks.len() as f64).sqrt();
+        [mm, known.to_common.inverse().then(turned).then(found).angle() / DEGREE]
+    }
+
+    /// Errors along each axis (three of position in mm, three of rotation in rad, about the middle of the
+    /// wall) over what is stated.
+    fn over_stated(&self, found: &Registered, name: &str) -> [f64; 6] {
+        let image = found.image.as_ref().unwrap();
+        let off = self.truth.poses[name].to_common.inverse().then(&found.transform);
+        let shift = off.point(&image.center) - image.center;
+        let skew = 0.5 * (off.rotation - off.rotation.transpose());
+        let turn = [skew[(2, 1)], skew[(0, 2)], skew[(1, 0)]];
+        let stated = image.uncertainty;
+        std::array::from_fn(|n| match n {
+            0..3 => shift[n] / stated.translation_mm[n],
+            _ => turn[n - 3] / stated.rotation_rad[n - 3],
+        })
+    }
+}
+
+/// What a pose gave.
+struct Found {
+    /// Error (mm, degrees) of a wall that may change.
+    error: [f64; 2],
+    /// The same of a wall that is taken for rigid.
+    rigid: [f64; 2],
+    /// Errors over what is stated.
+    over_stated: [f64; 6],
+}
+
+fn found(volunteer: &Volunteer) -> Vec<Found> {
+    let still = RigidTransform::identity();
     let of_pose = |name: &str| {
-        let (moving, start) = pose(folder.path(), name);
-        let gravity_in_image = truth.poses[name].gravity_in_image;
-        let (from, options) = (start.transform, Options::default());
-        let rigid = register(&fixed, &mask, &moving, &from, &options, &Silent).unwrap();
-        let input = (fixed.clone(), labels.clone(), moving, start);
-        let found = Register { gravity_in_image }.run(&input, &Silent).unwrap();
-        let image = found.image.unwrap();
-        let [[mm, degrees], plain] =
-            [found.transform, rigid.transform].map(|t| error(&t, &truth, name));
-        let stated = Vec3::from(image.uncertainty.translation_mm).norm();
+        let (moving, start) = (volunteer.image(name), volunteer.marked(name));
+        let rigid = volunteer.rigid(&moving, &start);
+        let found = volunteer.register(name, pose(moving, Some(start)), start);
+        let over_stated = volunteer.over_stated(&found, name);
+        let (image, wall) = (found.image.unwrap(), found.wall.unwrap());
+        let [error, rigid] =
+            [found.transform, rigid.transform].map(|t| volunteer.error(&t, name, &still));
         println!(
-            "{preset} {seed} {name}: {mm:.2} mm, {degrees:.2} degrees (as rigid {:.2}, {:.2}); \
-             change {:.2} mm, found {:.2}; stated {stated:.2} mm",
-            plain[0],
-            plain[1],
-            truth.poses[name].chest_change_rms_mm,
-            image.change_rms_mm.unwrap()
+            "{} {name}: {:.2} mm, {:.2} degrees (as rigid {:.2}, {:.2}); change {:.2} mm, found {:.2}; \
+             stated {:.2} mm, errors over stated {over_stated:.1?}; similarity {:.3}; wall: {:.2} mm in the mean, \
+             95 % within {:.2}, all within {:.2} mm",
+            volunteer.name,
+            error[0],
+            error[1],
+            rigid[0],
+            rigid[1],
+            volunteer.truth.poses[name].chest_change_rms_mm,
+            image.change_rms_mm.unwrap(),
+            Vec3::from(image.uncertainty.translation_mm).norm(),
+            image.similarity_after,
+            wall.mean_mm,
+            wall.p95_mm,
+            wall.max_mm,
         );
-        [[mm, degrees], plain]
+        Found { error, rigid, over_stated }
     };
-    ["prone", "tilted"].map(of_pose).to_vec()
+    MOVING.map(of_pose).into()
 }
 
 /// All below 1 mm and 0.5 degrees, and better on the whole than as rigid.
 #[track_caller]
-fn check(all: &[[[f64; 2]; 2]]) {
-    assert!(all.iter().all(|[found, _]| found[0] < 1.0 && found[1] < 0.5), "{all:?}");
-    let sum = |way: usize| all.iter().map(|both| both[way][0]).sum::<f64>();
-    assert!(sum(0) < 0.7 * sum(1), "{all:?}");
+fn check(all: &[Found]) {
+    let errors: Vec<[f64; 2]> = all.iter().map(|found| found.error).collect();
+    assert!(errors.iter().all(|error| error[0] < 1.0 && error[1] < 0.5), "{errors:?}");
+    let sum = |of: fn(&Found) -> f64| all.iter().map(of).sum::<f64>();
+    assert!(sum(|found| found.error[0]) < 0.7 * sum(|found| found.rigid[0]), "{errors:?}");
 }
 
 #[test]
 fn chest_walls_that_change_are_registered_to_a_millimetre() {
-    let all: Vec<_> = [201, 202].iter().flat_map(|&seed| errors("tiny", seed, 2.5)).collect();
+    let volunteers = [201, 202].map(|seed| Volunteer::made("tiny", seed, 2.5, false));
+    let all: Vec<Found> = volunteers.iter().flat_map(found).collect();
     check(&all);
+    without_landmarks(&volunteers[0]);
+    with_wrong_landmarks(&volunteers[1]);
+}
+
+/// The tilted image in the frame of the table, in which the person is turned by 48 degrees, and no landmark:
+/// start, segmentation and registration from the images alone.
+fn without_landmarks(volunteer: &Volunteer) {
+    let name = "tilted";
+    let turn = Vec3::new(0.0, 0.0, 48.0 * DEGREE);
+    let turned = RigidTransform::about(&Vec3::zeros(), &turn, &Vec3::zeros());
+    let mut moving = volunteer.image(name);
+    moving.grid.axes = turned.rotation * moving.grid.axes;
+    moving.grid.origin = turned.point(&moving.grid.origin);
+    let (fixed, labels, _) = volunteer.reference.clone();
+    let clock = std::time::Instant::now();
+    let start = Align.run(&(None, None, (fixed, labels, moving.clone())), &Silent).unwrap();
+    let seconds = clock.elapsed().as_secs_f64();
+    let found = volunteer.register(name, pose(moving, Some(start)), start);
+    let of = |t: &RigidTransform| volunteer.error(t, name, &turned);
+    let (first, [mm, degrees]) = (of(&start.transform), of(&found.transform));
+    println!(
+        "turned, without landmarks: start {first:.2?} in {seconds:.1} s, {mm:.2} mm, {degrees:.2} degrees"
+    );
+    assert!(first[0] < 5.0 && first[1] < 3.0, "{first:?}");
+    assert!(mm < 1.0 && degrees < 0.5, "{mm} {degrees}");
+}
+
+/// Landmarks of another pose or person: what they give is lost, and the images find the way.
+fn with_wrong_landmarks(volunteer: &Volunteer) {
+    let name = "prone";
+    let moving = pose(volunteer.image(name), Some(volunteer.marked(name)));
+    let mut start = volunteer.marked(name);
+    let off = Vec3::new(0.1, -0.2, 0.7);
+    let off = RigidTransform::about(&Vec3::zeros(), &off, &Vec3::new(25.0, -20.0, 20.0));
+    start.transform = start.transform.then(&off);
+    let lost = volunteer.rigid(&moving.0, &start);
+    let found = volunteer.register(name, moving, start);
+    let [mm, degrees] = volunteer.error(&found.transform, name, &RigidTransform::identity());
+    println!(
+        "lost at similarity {:.3}, then {mm:.2} mm, {degrees:.2} degrees",
+        lost.similarity_after
+    );
+    assert!(mm < 1.0 && degrees < 0.5, "{mm} {degrees}");
 }
 
 #[test]
 #[ignore = "minutes: more people, finer images, and a large breast"]
 fn so_are_those_of_more_people() {
     let cases = [("tiny", 203), ("tiny", 212), ("tiny", 213), ("tiny", 214), ("large", 215)];
-    let all: Vec<_> = cases.iter().flat_map(|&(preset, seed)| errors(preset, seed, 2.0)).collect();
+    let of = |&(preset, seed): &(&str, u64)| found(&Volunteer::made(preset, seed, 2.0, false));
+    let all: Vec<Found> = cases.iter().flat_map(of).collect();
     check(&all);
+}
+
+/// Of 96 numbers nine in ten or more are within two stated standard deviations, and their size is that of
+/// the stated ones.
+#[test]
+#[ignore = "minutes: eight people in three poses"]
+fn errors_are_as_large_as_stated() {
+    let of = |seed: u64| found(&Volunteer::made("tiny", seed, 2.5, false));
+    let all: Vec<Found> = (220..228).flat_map(of).collect();
+    let over: Vec<f64> = all.iter().flat_map(|found| found.over_stated).collect();
+    let within =
+        |most: f64| over.iter().filter(|z| z.abs() < most).count() as f64 / over.len() as f64;
+    let rms = (over.iter().map(|z| z * z).sum::<f64>() / over.len() as f64).sqrt();
+    println!(
+        "{} errors over stated: rms {rms:.2}, within one {:.2}, within two {:.2}",
+        over.len(),
+        within(1.0),
+        within(2.0)
+    );
+    assert!((0.9..=1.0).contains(&within(2.0)), "{}", within(2.0));
+    assert!((0.5..1.5).contains(&rms), "{rms}");
+}
+
+/// Only the breasts move, not the wall: what is left is what they and the segmentation do.
+#[test]
+#[ignore = "a minute: three people in three poses"]
+fn breasts_alone_bias_it_by_a_tenth_of_a_millimetre() {
+    for seed in 230..233 {
+        for found in found(&Volunteer::made("tiny", seed, 2.5, true)) {
+            let [mm, degrees] = found.rigid;
+            assert!(mm < 0.2 && degrees < 0.1, "{mm} {degrees}");
+        }
+    }
 }

@@ -10,12 +10,12 @@ use mammotwin_data::{
     Failure, Vec3,
     io::{landmarks, nifti},
     labels::LabelMap,
-    progress::{Progress, Silent},
-    store::Stage,
+    progress::Progress,
+    rigid::RigidTransform,
     volume::Volume,
 };
 use mammotwin_stages::{
-    align::Align,
+    align::Start,
     report::{
         raster::Raster,
         slice::{Plane, slice},
@@ -92,7 +92,8 @@ fn one(
         landmarks::read(&path).map_err(|cause| Failure::BadInput(cause.to_string()))
     };
     let reference = marks(PoseName::Supine)?;
-    let start = Align.run(&(Some(reference), Some(marks(pose)?)), &Silent)?.transform;
+    let start = Start::of_landmarks(&reference, &marks(pose)?)?
+        .map_or_else(RigidTransform::identity, |start| start.transform);
     let name = pose.name();
     let scanned = Scanned { image: &image, start, labels: &known, truth, pose: name };
     let (measured, found) = measure(&scanned)?;

@@ -97,6 +97,7 @@ impl Stage for Deliver {
         let metrics: Vec<Metric> = sections::round_trip(calibration)
             .into_iter()
             .chain(fits::metrics(calibration, fiducials))
+            .chain(sections::walls(&self.moving, motions))
             .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
             .collect();
         let results = Results {

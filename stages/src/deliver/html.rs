@@ -83,6 +83,7 @@ impl Stage for Report {
             metrics: sections::round_trip(calibration)
                 .into_iter()
                 .chain(fits::metrics(calibration, fiducials))
+                .chain(sections::walls(self.poses.get(1..).unwrap_or_default(), &images.2))
                 .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
                 .collect(),
             methods: methods(

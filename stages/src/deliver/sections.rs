@@ -8,6 +8,7 @@ use crate::{
     mesh::BreastMesh,
     phantom::CompressedPhantom,
     pose::PoseFit,
+    register::Registered,
     report::{
         CompressionReport, Fact, FitReport, MammogramReport, MeshReport, PoseReport,
         RegistrationReport, SurfaceMap,
@@ -17,9 +18,9 @@ use crate::{
         surface::Camera,
     },
     validate::Validation,
+    wall_distance,
 };
 use mammotwin_data::{
-    Vec3,
     labels::{Side, Tissue},
     mesh::Patch,
     metric::Metric,
@@ -27,12 +28,9 @@ use mammotwin_data::{
     surface::TriMesh,
     units::DEGREE,
 };
-use mammotwin_solver::distance::SurfaceIndex;
 
 /// Ends of the colour scale of all distance maps (mm): one scale, so that maps compare.
 const DISTANCE_RANGE_MM: [f64; 2] = [-5.0, 5.0];
-/// Height (mm) over which the end of an image rounds the end of a chest wall.
-const END_MM: f64 = 5.0;
 
 /// Images and what became of them.
 pub fn poses(names: &[String], (pictures, surfaces, registered): &Images) -> Vec<PoseReport> {
@@ -81,6 +79,11 @@ pub fn poses(names: &[String], (pictures, surfaces, registered): &Images) -> Vec
                     facts.push(Fact::new("Change of the chest wall, rms", format!("{rms:.1} mm")));
                 }
             }
+            if let Some(wall) = &moving.wall {
+                let text =
+                    format!("95 % within {:.1} mm, all within {:.1} mm", wall.p95_mm, wall.max_mm);
+                facts.push(Fact::new("Front of the muscle from the reference's", text));
+            }
             report.registration = Some(RegistrationReport {
                 facts,
                 overlays: picture.overlays.clone(),
@@ -94,20 +97,7 @@ pub fn poses(names: &[String], (pictures, surfaces, registered): &Images) -> Vec
 
 /// Distance of the chest wall of a pose to that of the reference pose.
 fn wall_map(moving: &TriMesh, fixed: &TriMesh, transform: &RigidTransform) -> Option<SurfaceMap> {
-    let surface = TriMesh {
-        points: moving.points.iter().map(|p| transform.point(p)).collect(),
-        triangles: moving.triangles.clone(),
-    };
-    let closest = SurfaceIndex::new(fixed).ok()?.closest_of(&surface.points).ok()?;
-    // Beyond the end of either image there is nothing to compare: z in the frames of both.
-    let (own, other) = (inner_z(&moving.points), inner_z(&fixed.points));
-    let inside =
-        |n: usize| own.contains(&moving.points[n].z) && other.contains(&surface.points[n].z);
-    let value = |(n, p): (usize, &Vec3)| match inside(n) {
-        true => closest[n].signed_mm(p),
-        false => f64::NAN,
-    };
-    let values = surface.points.iter().enumerate().map(value).collect();
+    let (surface, values) = wall_distance::moved(moving, fixed, transform).ok()?;
     Some(SurfaceMap {
         title: "Chest wall after registration".into(),
         caption: "Signed distance to the chest wall of the reference pose: what the rigid motion \
@@ -122,12 +112,10 @@ fn wall_map(moving: &TriMesh, fixed: &TriMesh, transform: &RigidTransform) -> Op
     })
 }
 
-/// Heights (mm) of a surface but its ends.
-fn inner_z(points: &[Vec3]) -> std::ops::Range<f64> {
-    let (low, high) = points
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| (low.min(p.z), high.max(p.z)));
-    low + END_MM..high - END_MM
+/// How far the fronts of the muscles of registered poses are from the reference's.
+pub fn walls(names: &[String], registered: &[Registered]) -> Vec<Metric> {
+    let both = names.iter().zip(registered);
+    both.filter_map(|(name, found)| found.wall.map(|wall| wall.metrics(name))).flatten().collect()
 }
 
 /// The mesh.

@@ -105,13 +105,23 @@ fn put_registration(
     file.put_motion(&format!("{group}/to_reference"), &registered.transform, long_name)?;
     let at = |name: &str| format!("{group}/registration/{name}");
     let start = &registered.start;
-    let long_name = "What the landmarks alone gave";
+    let long_name = "What the landmarks alone gave, or a search where there were none";
     file.put_motion(&at("from_landmarks"), &start.transform, long_name)?;
     let count = start.landmarks as u64;
     file.put_scalar(&at("landmarks"), count, "1", "Landmarks that both poses have")?;
     if let Some(rms) = start.landmark_rms_mm {
         let long_name = "Landmarks after their own fit, root mean square";
         file.put_scalar(&at("landmark_rms_mm"), rms, "mm", long_name)?;
+    }
+    if let Some(wall) = &registered.wall {
+        for (name, value, units, long_name) in [
+            ("wall_mean_mm", wall.mean_mm, "mm", "Front of the muscle from the reference's: mean"),
+            ("wall_p95_mm", wall.p95_mm, "mm", "95 % of its distances are smaller"),
+            ("wall_max_mm", wall.max_mm, "mm", "Its largest distance"),
+            ("wall_within_5mm", wall.within_5mm, "1", "Part of it that is within 5 mm"),
+        ] {
+            file.put_scalar(&at(name), value, units, long_name)?;
+        }
     }
     let Some(image) = &registered.image else { return Ok(()) };
     let (before, after) = (image.similarity_before, image.similarity_after);

@@ -11,13 +11,13 @@
 //! follows from the scatter of the blocks' gradients ([`Sites::information`]).
 
 use super::{
-    Changes, RegisterError, Uncertainty, landmarks,
+    Changes, RegisterError, change, landmarks,
     lattice::{Lattice, Support},
     samples::{Block, Sample, covered},
     similarity::{Part, Placement},
 };
 use mammotwin_data::{Mat3, Vec3, rigid::RigidTransform, volume::Volume};
-use nalgebra::{DMatrix, DVector, Dyn, Matrix6, OMatrix, SVector, U6, U12, Vector6};
+use nalgebra::{DMatrix, DVector, Dyn, Matrix6, OMatrix, SVector, U6, U12};
 use rayon::prelude::*;
 
 /// Numbers of the rigid part: translation (mm), rotation vector (rad) about the centre.
@@ -62,6 +62,11 @@ impl Elastic {
         let lattice = Lattice::covering(&low, &high, changes.spacing_mm);
         let numbers = DVector::zeros(RIGID + 3 * lattice.len());
         Self { motion: *motion, center, lattice, numbers, deviation_mm: changes.deviation_mm }
+    }
+
+    /// Distance of the control points (mm).
+    pub fn spacing_mm(&self) -> f64 {
+        self.lattice.spacing_mm()
     }
 
     fn vector(&self, first: usize) -> Vec3 {
@@ -129,16 +134,14 @@ impl Elastic {
         }
     }
 
-    /// Standard deviations of the rigid part over some places, by the curvature of the posterior;
-    /// `None` when the images leave a motion open.
-    pub fn uncertainty(&self, climbed: &Climbed, places: &[Vec3]) -> Option<Uncertainty> {
+    /// Covariance of the rigid part over some places (translation in mm, rotation vector in rad
+    /// about the centre), by the curvature of the posterior; `None` when the images leave a motion
+    /// open.
+    pub fn covariance(&self, climbed: &Climbed, places: &[Vec3]) -> Option<Matrix6<f64>> {
         let mut normal = Matrix6::zeros();
         let mut right = OMatrix::<f64, U6, Dyn>::zeros(self.numbers.len());
         for p in places.iter().step_by(places.len().div_ceil(PLACES).max(1)) {
-            let arm = p - self.center;
-            let mut rows = OMatrix::<f64, nalgebra::U3, U6>::zeros();
-            rows.fixed_view_mut::<3, 3>(0, 0).fill_with_identity();
-            rows.fixed_view_mut::<3, 3>(0, 3).copy_from(&-arm.cross_matrix());
+            let rows = change::rows(&(p - self.center));
             normal += rows.tr_mul(&rows);
             for near in self.lattice.at(p) {
                 let mut column = right.fixed_columns_mut::<3>(RIGID + 3 * near.index);
@@ -148,12 +151,7 @@ impl Elastic {
         let mut part = normal.cholesky()?.solve(&right);
         part.fixed_view_mut::<6, 6>(0, 0).fill_with_identity();
         let spread = climbed.precision.clone().cholesky()?.solve(&part.transpose());
-        let variance: Vector6<f64> = (part * spread).diagonal();
-        let deviation = |n: usize| variance[n].max(0.0).sqrt();
-        Some(Uncertainty {
-            rotation_rad: [3, 4, 5].map(deviation),
-            translation_mm: [0, 1, 2].map(deviation),
-        })
+        Some((part * spread).fixed_view::<6, 6>(0, 0).into_owned())
     }
 }
 
@@ -394,8 +392,8 @@ mod tests {
             sites.information = 1e6;
             let precision = sites.evaluate(&map).precision;
             let climbed = Climbed { similarity: 0.0, overlap: 1.0, iterations: 0, precision };
-            let found = map.uncertainty(&climbed, &places).unwrap();
-            Vec3::from(found.translation_mm).norm()
+            let found = map.covariance(&climbed, &places).unwrap();
+            found.fixed_view::<3, 3>(0, 0).trace().sqrt()
         };
         let (stiff, soft) = (spread(0.01), spread(2.0));
         println!("{stiff:.3} mm, {soft:.3} mm");

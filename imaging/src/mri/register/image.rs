@@ -1,12 +1,13 @@
 //! Registration of two images over a mask.
 
 use super::{
-    Options, RegisterError, Registration, Search, Uncertainty,
-    elastic::Elastic,
+    Options, RegisterError, Registration, Search, Uncertainty, change,
+    elastic::{Climbed, Elastic},
     mask,
     optimise::{Level, Optimum},
     pyramid,
     samples::samples,
+    search,
 };
 use mammotwin_data::{
     Vec3,
@@ -16,8 +17,6 @@ use mammotwin_data::{
 };
 use nalgebra::Matrix6;
 
-/// Spacing of the wide search (mm).
-const SEARCH_MM: f64 = 15.0;
 /// Part of an image's mean below which its logarithm flattens.
 const FLOOR: f32 = 0.5;
 /// Least part of the mask that must lie in the moving image.
@@ -51,9 +50,9 @@ pub fn register(
     let level = |spacing_mm: f64| prepare.level(spacing_mm, center);
     let mut motion = start.inverse();
     let mut iterations = 0;
-    if options.search == Search::Wide {
+    if let (Search::Wide, Some(&first_mm)) = (options.search, options.levels_mm.first()) {
         progress.report(0.0, "searching the position");
-        let best = wide_search(&level(SEARCH_MM)?, &motion);
+        let best = search::wide(&level(search::COARSE_MM)?, &level(first_mm)?, &motion);
         iterations += best.iterations;
         motion = best.motion;
     }
@@ -127,11 +126,30 @@ pub fn register_changed(
             similarity_after: climbed.similarity,
             overlap: climbed.overlap,
             iterations: found.iterations + climbed.iterations,
-            uncertainty: map.uncertainty(&climbed, places).ok_or(RegisterError::NoStructure)?,
+            uncertainty: uncertainty_of_changed(&map, &climbed, places, &found.center, fit.rms_mm)
+                .ok_or(RegisterError::NoStructure)?,
             ..found
         };
     }
     Ok(found)
+}
+
+/// What the images leave open, and the rigid part that a change of this size may have itself.
+fn uncertainty_of_changed(
+    map: &Elastic,
+    climbed: &Climbed,
+    places: &[Vec3],
+    center: &Vec3,
+    change_rms_mm: f64,
+) -> Option<Uncertainty> {
+    let open = map.covariance(climbed, places)?;
+    let own = change::covariance(places, center, change_rms_mm, map.spacing_mm())?;
+    let variance = (open + own).diagonal();
+    let deviation = |n: usize| variance[n].max(0.0).sqrt();
+    Some(Uncertainty {
+        rotation_rad: [3, 4, 5].map(deviation),
+        translation_mm: [0, 1, 2].map(deviation),
+    })
 }
 
 /// The images of a registration, and how they are compared.
@@ -150,7 +168,7 @@ impl Prepare<'_> {
             return refuse("levels_mm and block_mm must be positive");
         }
         let block_mm = self.options.block_mm.max(8.0 * spacing_mm);
-        let floor = |image: &Volume<f32>| FLOOR * mean(image);
+        let floor = |image: &Volume<f32>| FLOOR * mask::mean(image);
         let reference = pyramid::level(self.reference, spacing_mm, floor(self.reference));
         let samples = samples(&reference, self.mask, block_mm, self.options.points)?;
         let moving = pyramid::level(self.moving, spacing_mm, floor(self.moving));
@@ -165,33 +183,6 @@ impl Prepare<'_> {
 fn same_place(a: &Grid, b: &Grid) -> bool {
     let far = (a.axes - b.axes).amax().max((a.origin - b.origin).amax());
     a.shape == b.shape && far < 1e-3
-}
-
-/// Mean of the positive values.
-fn mean(image: &Volume<f32>) -> f32 {
-    let sum: f64 = image.values.iter().map(|&v| f64::from(v.max(0.0))).sum();
-    (sum / image.values.len() as f64) as f32
-}
-
-/// Climbs from turns about z and shifts along each axis, on a coarse level; the best end wins.
-fn wide_search(level: &Level, start: &RigidTransform) -> Optimum {
-    const SHIFTS_MM: [f64; 3] = [0.0, -30.0, 30.0];
-    let pivot = start.point(&level.center);
-    let mut best = level.climb(start, 12);
-    let mut iterations = best.iterations;
-    for degrees in (-60..=60).step_by(20) {
-        let turn = Vec3::new(0.0, 0.0, f64::from(degrees).to_radians());
-        for n in 0..27 {
-            let shift = Vec3::new(SHIFTS_MM[n % 3], SHIFTS_MM[n / 3 % 3], SHIFTS_MM[n / 9]);
-            let from = start.then(&RigidTransform::about(&pivot, &turn, &shift));
-            let end = level.climb(&from, 12);
-            iterations += end.iterations;
-            if end.evaluation.similarity > best.evaluation.similarity {
-                best = end;
-            }
-        }
-    }
-    Optimum { iterations, ..best }
 }
 
 /// Sandwich estimator H⁻¹ (Σ g gᵀ) H⁻¹ (Huber 1967), turned to the axes of the reference.

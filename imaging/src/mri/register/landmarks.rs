@@ -45,102 +45,6 @@ pub fn fit(pairs: &[(Vec3, Vec3)]) -> Result<Fit, RegisterError> {
     Ok(Fit { transform, rms_mm: (squares.sum::<f64>() / count as f64).sqrt() })
 }
 
-/// Iterative closest points (Besl and McKay 1992): for landmarks that nobody named.
-///
-/// Starts from `start` and from turns of it by up to 60 degrees about each axis, and keeps the
-/// best fit; of equally good ones the smallest turn, since chests are nearly symmetric.
-///
-/// # Errors
-/// As [`fit`].
-pub fn icp(
-    moving: &[Vec3],
-    reference: &[Vec3],
-    start: &RigidTransform,
-) -> Result<Fit, RegisterError> {
-    let count = moving.len().min(reference.len());
-    if count < 3 {
-        return Err(RegisterError::Landmarks { count });
-    }
-    for points in [moving, reference] {
-        if let Some(index) = points.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            return Err(RegisterError::NotFinite { index });
-        }
-    }
-    let center = moving.iter().sum::<Vec3>() / moving.len() as f64;
-    let target = reference.iter().sum::<Vec3>() / reference.len() as f64;
-    let mut turns = vec![Vec3::zeros()];
-    for degrees in [20.0f64, 40.0, 60.0] {
-        for axis in 0..3 {
-            for sign in [1.0, -1.0] {
-                turns.push(Vec3::ith(axis, sign * degrees.to_radians()));
-            }
-        }
-    }
-    let mut best: Option<Fit> = None;
-    for turn in turns {
-        let about = start.point(&center);
-        let turned = start.then(&RigidTransform::about(&about, &turn, &(target - about)));
-        let Ok(fit) = closest_points(moving, reference, turned) else { continue };
-        if best.is_none_or(|best| fit.rms_mm < 0.9 * best.rms_mm) {
-            best = Some(fit);
-        }
-    }
-    best.ok_or(RegisterError::Landmarks { count })
-}
-
-fn closest_points(
-    moving: &[Vec3],
-    reference: &[Vec3],
-    start: RigidTransform,
-) -> Result<Fit, RegisterError> {
-    let mut transform = start;
-    let mut matches: Vec<usize> = Vec::new();
-    loop {
-        let now = matched(moving, reference, &transform);
-        let pairs: Vec<(Vec3, Vec3)> =
-            now.iter().enumerate().map(|(n, &m)| pair(moving, reference, n, m)).collect();
-        let fit = fit(&pairs)?;
-        // Each round lessens the squared distance, so no assignment comes back but the last.
-        if now == matches {
-            return Ok(fit);
-        }
-        (transform, matches) = (fit.transform, now);
-    }
-}
-
-/// For each point of the smaller set, the index of its partner in the larger: nearest pairs
-/// first, each partner once.
-fn matched(moving: &[Vec3], reference: &[Vec3], transform: &RigidTransform) -> Vec<usize> {
-    let moved: Vec<Vec3> = moving.iter().map(|p| transform.point(p)).collect();
-    let (few, many) = if moved.len() <= reference.len() {
-        (moved.as_slice(), reference)
-    } else {
-        (reference, moved.as_slice())
-    };
-    let mut links: Vec<(f64, usize, usize)> = Vec::with_capacity(few.len() * many.len());
-    for (f, a) in few.iter().enumerate() {
-        links.extend(many.iter().enumerate().map(|(m, b)| ((a - b).norm_squared(), f, m)));
-    }
-    links.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    let mut partner = vec![usize::MAX; few.len()];
-    let mut taken = vec![false; many.len()];
-    for (_, f, m) in links {
-        if partner[f] == usize::MAX && !taken[m] {
-            partner[f] = m;
-            taken[m] = true;
-        }
-    }
-    partner
-}
-
-fn pair(moving: &[Vec3], reference: &[Vec3], few: usize, many: usize) -> (Vec3, Vec3) {
-    if moving.len() <= reference.len() {
-        (moving[few], reference[many])
-    } else {
-        (moving[many], reference[few])
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -200,18 +104,5 @@ mod tests {
         assert_eq!(fit(&[]), Err(RegisterError::Landmarks { count: 0 }));
         let odd = [(Vec3::new(f64::NAN, 0.0, 0.0), Vec3::zeros())];
         assert_eq!(fit(&odd), Err(RegisterError::NotFinite { index: 0 }));
-    }
-
-    #[test]
-    fn unnamed_points_find_their_partners_after_a_tilt_of_48_degrees() {
-        let moving = chest();
-        let mut reference = moving.map(|p| motion().point(&p)).to_vec();
-        reference.reverse();
-        reference.push(Vec3::new(0.0, 0.0, -150.0));
-        let found = icp(&moving, &reference, &RigidTransform::identity()).unwrap();
-        assert!(found.rms_mm < 1e-9, "{found:?}");
-        let back = icp(&reference, &moving, &RigidTransform::identity()).unwrap();
-        let both = found.transform.then(&back.transform);
-        assert!(both.translation.norm() < 1e-8 && both.angle() < 1e-8);
     }
 }

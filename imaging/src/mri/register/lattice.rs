@@ -31,6 +31,11 @@ impl Lattice {
         Self { origin, spacing_mm, shape: cells.map(|n| n as usize + 3) }
     }
 
+    /// Distance of the control points (mm).
+    pub fn spacing_mm(&self) -> f64 {
+        self.spacing_mm
+    }
+
     /// Number of control points.
     pub fn len(&self) -> usize {
         self.shape.iter().product()

@@ -83,13 +83,25 @@ pub(super) fn center(mask: &Volume<bool>) -> Option<Vec3> {
     (count > 0).then(|| mask.grid.world(&(Vec3::from(sum) / count as f64)))
 }
 
-/// A start without landmarks: the shift that brings the centres of two chest walls together.
+/// A start without landmarks: the shift that brings the centres of two masks together.
 ///
 /// Poses share the right-anterior-superior frame of the person, up to a tilt that
 /// [`super::Search::Wide`] finds. `None` when a mask is empty.
 pub fn align_centers(reference: &Volume<bool>, moving: &Volume<bool>) -> Option<RigidTransform> {
     let translation = center(reference)? - center(moving)?;
     Some(RigidTransform { translation, ..RigidTransform::identity() })
+}
+
+/// The body before anything is known of an image: what is brighter than half of its mean.
+pub fn bright(image: &Volume<f32>) -> Volume<bool> {
+    let least = 0.5 * mean(image);
+    image.map(|v| v > least)
+}
+
+/// Mean of the positive values.
+pub(super) fn mean(image: &Volume<f32>) -> f32 {
+    let sum: f64 = image.values.iter().map(|&v| f64::from(v.max(0.0))).sum();
+    (sum / image.values.len() as f64) as f32
 }
 
 #[cfg(test)]

@@ -68,6 +68,13 @@ impl Level {
         best
     }
 
+    /// How far two motions are from each other: the path (mm) of a point on a sphere of
+    /// [`LEVER_MM`] about the centre, at most.
+    pub fn path_mm(&self, a: &RigidTransform, b: &RigidTransform) -> f64 {
+        let turn = a.inverse().then(b).angle();
+        LEVER_MM * turn + (a.point(&self.center) - b.point(&self.center)).norm()
+    }
+
     fn step(&self, here: &Evaluation, damping: f64) -> Option<Vector6<f64>> {
         let diagonal = Matrix6::from_diagonal(&here.curvature.diagonal());
         let matrix = here.curvature + damping * diagonal;
