@@ -39,7 +39,7 @@ bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
-    const VERSION: u32 = 7;
+    const VERSION: u32 = 8;
     const METHODS: &'static str = "";
     type Input = (
         BreastMesh,
@@ -100,6 +100,7 @@ impl Stage for Deliver {
             study: &self.study,
             shown: shown.as_ref(),
             calibration: Some((calibration, &rest)),
+            nipple_nodes: &mesh.nipple_nodes(),
             poses: &poses,
             compression: compression.as_ref(),
             curves: &curves,
