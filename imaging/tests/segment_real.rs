@@ -9,7 +9,11 @@ use mammotwin_data::{
     progress::Silent,
     volume::Volume,
 };
-use mammotwin_imaging::mri::segment::{Limits, Options, SegmentError, Segmentation, segment};
+use mammotwin_imaging::mri::{
+    distance_field::{FieldPlan, level_field},
+    segment::{Limits, Options, SegmentError, Segmentation, segment},
+    surface::{crossings::crossings, surface},
+};
 
 /// A volume (mm³), and how much of it lies behind a voxel of the chest wall.
 fn breast_and_behind_wall(labels: &Volume<Tissue>, side: Side, limits: &Limits) -> [f64; 2] {
@@ -140,5 +144,42 @@ fn images_with_fat_suppression_are_refused() {
     for name in ["uta11_P13_t1fs_pre_h2.nii.gz", "uta11_P02_t1fs_h2.nii.gz"] {
         let Some(found) = segmented(name) else { return };
         assert_eq!(found.err(), Some(SegmentError::NoChestWall), "{name}");
+    }
+}
+
+/// Skin and chest wall of the labels; where an image is refused, what is brighter than air, as rough as
+/// it comes.
+#[test]
+fn no_surface_of_a_real_chest_passes_through_itself() {
+    for name in [
+        "uta11_P13_t2tse_h2.nii.gz",
+        "uta11_P13_t1tse_h2.nii.gz",
+        "uta11_P13_t1fs_pre_h2.nii.gz",
+        "uta11_P02_t1fs_h2.nii.gz",
+    ] {
+        let Some(data) = std::env::var_os("MAMMOTWIN_DATA") else {
+            println!("skipped: no real data");
+            return;
+        };
+        let image = mammotwin_data::io::nifti::read(
+            &std::path::Path::new(&data).join("data/mr_prone").join(name),
+        )
+        .unwrap();
+        let mut sizes = image.values.clone();
+        sizes.sort_by(f32::total_cmp);
+        let air = 0.1 * sizes[sizes.len() * 95 / 100];
+        let mut masks = vec![image.map(|value| value > air)];
+        if let Ok(found) = segment(&image, &Options::default(), &Silent) {
+            masks.push(found.labels.map(|tissue| tissue != Tissue::Background));
+            masks.push(found.labels.map(Tissue::is_chest_wall));
+        }
+        for mask in masks {
+            let field = level_field(&mask, &FieldPlan::of_spacing(1.5)).unwrap();
+            let surface = surface(&field);
+            let pairs = crossings(&surface).len();
+            let unchecked = mammotwin_imaging::mri::smooth::project(&surface, &field);
+            println!("{name}: {pairs} pairs, {} of {} triangles", crossings(&unchecked).len(), surface.triangles.len());
+            assert_eq!(pairs, 0);
+        }
     }
 }

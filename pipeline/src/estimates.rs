@@ -25,7 +25,12 @@ pub fn estimates(outcome: &Outcome) -> Result<Estimates, Failure> {
                 Failure::BadInput(format!("surface of {part}, {name}: {cause}"))
             })?;
             let at = |share: f64| distances.get((share * distances.len() as f64) as usize);
-            let border = json!({ "median_mm": at(0.5), "p95_mm": at(0.95), "p99_mm": at(0.99) });
+            let border = json!({
+                "median_mm": at(0.5),
+                "p95_mm": at(0.95),
+                "p99_mm": at(0.99),
+                "max_mm": distances.last(),
+            });
             borders.insert(part.into(), border);
         }
         found.surface.insert(name.clone(), borders.into());

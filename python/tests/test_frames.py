@@ -19,6 +19,8 @@ meshio = pytest.importorskip("meshio")
 RIGHT = (Tissue.ADIPOSE_RIGHT, Tissue.FIBROGLANDULAR_RIGHT)
 LEFT = (Tissue.ADIPOSE_LEFT, Tissue.FIBROGLANDULAR_LEFT)
 TO_LPS = np.array([-1.0, -1.0, 1.0])
+#: A nipple of the mesh is the skin farthest from the chest wall: as near to the landmark (mm) as elements are long.
+NIPPLE_MM = 15.0
 
 
 def landmarks(study, pose):
@@ -85,6 +87,11 @@ def test_landmarks_lie_on_the_mesh_and_in_the_labels(results, study):
         for side in ("right", "left"):
             nipple = points[f"nipple_{side}"]
             assert np.linalg.norm(skin - nipple, axis=1).min() < 5.0, f"{name}, {side}"
+        if pose.is_reference:
+            # The node is the skin farthest from the wall, the landmark where the nipple is.
+            nodes = results.mesh.points[results.calibration.nipple_nodes]
+            for node, side in zip(nodes, ("right", "left"), strict=True):
+                assert np.linalg.norm(node - points[f"nipple_{side}"]) < NIPPLE_MM, f"{side}: {node}"
         image = pose.labels()
         areola = np.argwhere(np.asanyarray(image.dataobj) == Tissue.NIPPLE_AREOLA)
         if len(areola):

@@ -64,6 +64,16 @@ impl BreastMesh {
             .as_ref()
             .map_or(Cow::Borrowed(&self.mesh), |quadratic| Cow::Owned(quadratic.corners()))
     }
+
+    /// The node of each breast that is its nipple, right first: the skin farthest from the chest wall.
+    pub fn nipple_nodes(&self) -> Vec<u32> {
+        let nodes = self.mesh.patch_nodes(Patch::Skin);
+        let from = |n: &u32, nipple: &Vec3| (self.mesh.points[*n as usize] - nipple).norm();
+        let nearest = |nipple: &Vec3| {
+            nodes.iter().copied().min_by(|a, b| from(a, nipple).total_cmp(&from(b, nipple)))
+        };
+        self.anatomy.breasts.iter().filter_map(|breast| nearest(&breast.nipple)).collect()
+    }
 }
 
 impl Artifact for BreastMesh {

@@ -32,6 +32,8 @@ pub struct Results<'a> {
     pub shown: Option<&'a State<'a>>,
     /// The calibration, and the stress-free shape that belongs to the fitted moduli.
     pub calibration: Option<(&'a Calibration, &'a TetMesh)>,
+    /// Nodes of that shape which are the nipples, right first.
+    pub nipple_nodes: &'a [u32],
     /// The poses, the reference first.
     pub poses: &'a [PoseResult<'a>],
     /// The compression.
@@ -97,6 +99,8 @@ pub fn write(path: &Path, results: &Results) -> Result<(), Failure> {
     if let Some((found, rest)) = results.calibration {
         let fitted = &results.study.calibrate.parameters;
         poses::put_calibration(&mut file, found, fitted, rest)?;
+        let long_name = "Nodes that are the nipples, right and left";
+        file.put("calibration/nipple_nodes", results.nipple_nodes, "1", long_name)?;
     }
     for pose in results.poses {
         poses::put_pose(&mut file, pose)?;
@@ -250,6 +254,7 @@ mod tests {
             study: &study,
             shown: None,
             calibration: None,
+            nipple_nodes: &[],
             poses: &[],
             compression: None,
             curves: &[],

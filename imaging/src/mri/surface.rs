@@ -2,24 +2,53 @@
 //!
 //! Surface nets (Gibson 1998, doi:10.1007/BFb0056277): one vertex in each cell that the surface
 //! passes, one quadrilateral across each edge of the grid that it crosses; then every vertex is put
-//! on the zero level.
+//! on the zero level, unless triangles would pass through each other there.
+
+pub mod crossings;
 
 use mammotwin_data::{Vec3, surface::TriMesh, volume::Volume};
 
 /// Closed, outward surface where `field` (negative inside) is zero.
 ///
 /// What reaches the border of the grid is closed there. Each edge has exactly two triangles: where
-/// the grid cannot tell whether two parts touch, they are joined. Empty when nothing is inside.
+/// the grid cannot tell whether two parts touch, they are joined. No two triangles pass through each
+/// other ([`crossings`](crossings::crossings)). Empty when nothing is inside.
 pub fn surface(field: &Volume<f32>) -> TriMesh {
     let mut padded = Padded::new(field);
     let cells = padded.join_touching_parts();
-    let (mut surface, vertex_of) = padded.vertices(&cells);
+    let (mut net, vertex_of) = padded.vertices(&cells);
     for &n in &cells {
         for axis in 0..3 {
-            padded.quad(n, axis, &vertex_of, &mut surface);
+            padded.quad(n, axis, &vertex_of, &mut net);
         }
     }
-    super::smooth::project(&surface, field)
+    let centers: Vec<Vec3> = cells.iter().map(|&n| padded.center(n)).collect();
+    let projected = super::smooth::project(&net, field);
+    untangled(projected, [&net.points, &centers])
+}
+
+/// Takes the corners of triangles that pass through each other back, to one set of places after the
+/// other, until none do. With all vertices in the middles of their cells, the last set, triangles are
+/// halves of the faces between voxels, which have no more than edges in common: this comes to an end.
+fn untangled(mut surface: TriMesh, back: [&[Vec3]; 2]) -> TriMesh {
+    let mut taken = vec![0; surface.points.len()];
+    loop {
+        let pairs = crossings::crossings(&surface);
+        let triangles = pairs.iter().flatten().map(|&t| surface.triangles[t as usize]);
+        let mut tangled: Vec<u32> = triangles.flatten().collect();
+        tangled.sort_unstable();
+        tangled.dedup();
+        tangled.retain(|&n| taken[n as usize] < back.len());
+        if tangled.is_empty() {
+            return surface;
+        }
+        tracing::debug!(vertices = tangled.len(), "taken back where a surface passes itself");
+        for n in tangled {
+            let n = n as usize;
+            surface.points[n] = back[taken[n]][n];
+            taken[n] += 1;
+        }
+    }
 }
 
 /// A field with one more layer of voxels around, outside of the body.
@@ -158,12 +187,22 @@ impl<'a> Padded<'a> {
                     count += 1.0;
                 }
             }
-            // The padding moved the origin by one voxel.
-            let low = Vec3::from(self.place(n).map(|v| v as f64 - 1.0));
             vertex_of[n] = surface.points.len() as u32;
-            surface.points.push(self.field.grid.world(&(low + sum / count)));
+            surface.points.push(self.in_cell(n, &(sum / count)));
         }
         (surface, vertex_of)
+    }
+
+    /// The middle (mm) of a cell.
+    fn center(&self, n: usize) -> Vec3 {
+        self.in_cell(n, &Vec3::repeat(0.5))
+    }
+
+    /// A place (mm) in a cell, given in edges from its low corner.
+    fn in_cell(&self, n: usize, part: &Vec3) -> Vec3 {
+        // The padding moved the origin by one voxel.
+        let low = Vec3::from(self.place(n).map(|v| v as f64 - 1.0));
+        self.field.grid.world(&(low + part))
     }
 
     /// The quadrilateral across the edge from voxel `n` along `axis`, if the surface crosses it.

@@ -32,6 +32,8 @@ class Calibration:
     trials: xarray.Dataset
     #: Stress-free shape that belongs to the fitted moduli.
     rest: Mesh
+    #: Nodes of it that are the nipples, right and left.
+    nipple_nodes: np.ndarray
     #: Reference pose, loaded again from it: distance of the nodes.
     round_trip_rms_mm: float
     round_trip_max_mm: float

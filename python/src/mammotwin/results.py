@@ -160,6 +160,7 @@ class Results(OpenFile):
             group.texts("fitted"),
             self.curve("calibration"),
             read_mesh(group.group("rest")),
+            group.array("nipple_nodes"),
             group.number("after/round_trip_rms_mm"),
             group.number("after/round_trip_max_mm"),
             group.number("after/off_wall_max_mm"),

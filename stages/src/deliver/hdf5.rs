@@ -104,6 +104,7 @@ impl Stage for Deliver {
             study: &self.study,
             shown: shown.as_ref(),
             calibration: Some((calibration, &rest)),
+            nipple_nodes: &mesh.nipple_nodes(),
             poses: &poses,
             compression: compression.as_ref(),
             curves: &curves,

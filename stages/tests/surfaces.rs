@@ -1,0 +1,143 @@
+//! Surfaces of labels beside the shapes that the labels were taken from.
+
+#![allow(clippy::unwrap_used)] // a test may fail at once
+
+mod common;
+
+use common::{around_right_breast, field_of_view, from_zero, labels, p95_and_max, torso};
+use mammotwin_data::{
+    Vec3,
+    labels::{LabelMap, Tissue},
+    progress::Silent,
+    store::Stage,
+    surface::TriMesh,
+    volume::Grid,
+};
+use mammotwin_imaging::mri::surface::{crossings::crossings, surface};
+use mammotwin_stages::{surface::Surface, volunteer::Torso};
+use rayon::prelude::*;
+
+fn check_crossings(preset: &str, seed: u64, voxel_mm: [f64; 3]) {
+    let torso = torso(preset, seed);
+    let labels = labels(&torso, &field_of_view(&torso, voxel_mm));
+    let found = Surface::default().run(&labels, &Silent).unwrap();
+    for surface in [&found.skin, &found.chest_wall] {
+        let pairs = crossings(surface);
+        assert!(surface.triangles.len() > 100_000);
+        assert!(pairs.is_empty(), "{preset} {seed} {voxel_mm:?}: {} pairs", pairs.len());
+    }
+}
+
+#[test]
+fn no_surface_passes_through_itself() {
+    check_crossings("tiny", 0, [2.5; 3]);
+    check_crossings("large", 0, [3.0; 3]);
+}
+
+#[test]
+#[ignore = "a minute: 15 persons"]
+fn no_surface_of_many_passes_through_itself() {
+    for seed in 0..3 {
+        check_crossings("tiny", seed, [2.5; 3]);
+        check_crossings("tiny", seed, [1.6, 1.6, 3.3]);
+        check_crossings("small", seed, [2.0; 3]);
+        check_crossings("large", seed, [3.0; 3]);
+        check_crossings("large", seed, [2.0, 2.0, 4.0]);
+    }
+}
+
+/// One triangle of the skin over a breast: its middle (mm), its normal, its area (mm²), its distance (mm)
+/// from the shape, and the shape's normal there.
+struct Facet {
+    middle: Vec3,
+    normal: Vec3,
+    area: f64,
+    off: f64,
+    true_normal: Vec3,
+}
+
+/// The skin well inside of a grid and in front of the chest wall: where the picture ends, it is cut.
+fn facets(skin: &TriMesh, grid: &Grid, torso: &Torso) -> Vec<Facet> {
+    const RIM_MM: f64 = 12.0;
+    let [low, high] = [grid.center([0; 3]), grid.center(grid.shape.map(|n| n - 1))];
+    let inside = |p: &Vec3| {
+        let within = |axis: usize| p[axis] > low[axis] + RIM_MM && p[axis] < high[axis] - RIM_MM;
+        within(0) && within(2) && p.y > low.y + RIM_MM && torso.chest_wall(p) > 0.0
+    };
+    let facet = |t: usize| {
+        let middle = skin.corners(t).iter().sum::<Vec3>() / 3.0;
+        inside(&middle).then(|| {
+            let (off, true_normal) = from_zero(|p| torso.skin(p), &middle);
+            let area = skin.area_vector(t);
+            Facet { middle, normal: area.normalize(), area: area.norm(), off, true_normal }
+        })
+    };
+    (0..skin.triangles.len()).into_par_iter().filter_map(facet).collect()
+}
+
+fn right_breast(preset: &str, voxel_mm: [f64; 3]) -> (Torso, LabelMap) {
+    let torso = torso(preset, 3);
+    let labels = labels(&torso, &around_right_breast(&torso, voxel_mm));
+    (torso, labels)
+}
+
+/// The skin, nipple included, within `limits` (mm; 95 % and all of it), and its volume within 0.5 % of that
+/// between skin and chest wall.
+fn check_skin(preset: &str, voxel_mm: [f64; 3], spacing_mm: f64, limits: [f64; 2]) {
+    let (torso, labels) = right_breast(preset, voxel_mm);
+    let skin = Surface { spacing_mm }.run(&labels, &Silent).unwrap().skin;
+    let facets = facets(&skin, &labels.grid, &torso);
+    let [p95, max] = p95_and_max(facets.iter().map(|facet| facet.off));
+    let voxels = labels.values.iter().filter(|tissue| tissue.is_soft()).count();
+    let volume = voxels as f64 * labels.grid.voxel_mm3();
+    let change = facets.iter().map(|facet| facet.off * facet.area).sum::<f64>() / volume;
+    println!(
+        "{preset} {voxel_mm:?}, spacing {spacing_mm} mm: 95 % within {p95:.3} mm, all within \
+         {max:.3} mm, volume {:.3} %",
+        100.0 * change
+    );
+    assert!(facets.len() > 10_000 && p95 <= limits[0] && max <= limits[1] && change.abs() < 5e-3);
+}
+
+#[test]
+fn surfaces_are_within_half_a_voxel_of_the_shape() {
+    check_skin("small", [1.0; 3], 1.5, [0.5, 1.5]);
+}
+
+#[test]
+#[ignore = "minutes: 12 million voxels"]
+fn surfaces_of_fine_voxels_are_within_half_of_one() {
+    check_skin("large", [1.0; 3], 1.5, [0.5, 1.5]);
+    for spacing_mm in [1.5, 0.9] {
+        check_skin("small", [0.6; 3], spacing_mm, [0.3, 1.0]);
+    }
+}
+
+/// Angles (deg) between the surface and the shape, but for 15 mm around the nipple, which is no larger
+/// than a few voxels.
+fn turned(facets: &[Facet], torso: &Torso) -> [f64; 2] {
+    let far = facets.iter().filter(|f| (f.middle - torso.breasts[0].apex).norm() > 15.0);
+    p95_and_max(far.map(|f| f.normal.angle(&f.true_normal).to_degrees()))
+}
+
+/// Slices of 3.3 mm, three voxels of the other edges.
+#[test]
+fn thick_slices_leave_no_stairs_on_a_breast() {
+    for (preset, limits) in [("small", [8.0, 20.0]), ("large", [12.0, 35.0])] {
+        let (torso, labels) = right_breast(preset, [1.0, 1.0, 3.3]);
+        let skin = Surface::default().run(&labels, &Silent).unwrap().skin;
+        let all = facets(&skin, &labels.grid, &torso);
+        let [p95, max] = turned(&all, &torso);
+        let [off, _] = p95_and_max(all.iter().map(|facet| facet.off));
+        // The same labels without a blur are what stairs look like.
+        let mask = labels.map(|t| if t == Tissue::Background { 0.5 } else { -0.5 });
+        let stairs = facets(&surface(&mask), &labels.grid, &torso);
+        let [stair_p95, stair_max] = turned(&stairs, &torso);
+        println!(
+            "{preset}: 95 % within {off:.3} mm and {p95:.1} degrees, all within {max:.1}; without a \
+             blur {stair_p95:.1}, {stair_max:.1}"
+        );
+        assert!(p95 < limits[0] && max < limits[1] && stair_p95 > 25.0);
+        assert!(off < 0.5);
+    }
+}
