@@ -56,7 +56,7 @@ fn errors(preset: &str, seed: u64, voxel_mm: f64) -> Vec<[[f64; 2]; 2]> {
     synthesize(&settings, &Silent).unwrap();
     let truth = Truth::load(&folder.path().join("truth/truth.json")).unwrap();
     let fixed = pose(folder.path(), "supine").0;
-    let labels: LabelMap = Segment.run(&(fixed.clone(), None), &Silent).unwrap();
+    let labels: LabelMap = Segment.run(&(fixed.clone(), None, None), &Silent).unwrap();
     let mask = chest_wall_mask(&labels, 20.0, 3.0);
     let of_pose = |name: &str| {
         let (moving, start) = pose(folder.path(), name);

@@ -6,6 +6,7 @@ use crate::{
     calibrate::Calibration,
     compress::Compression,
     mammogram::Mammograms,
+    measure::PoseMeasures,
     mesh::BreastMesh,
     pose::PoseFit,
     quality::{Metrics, PictureRegions},
@@ -31,6 +32,8 @@ pub struct Deliver {
     pub study: Study,
     /// Names of the poses that were registered, in the order of the inputs.
     pub moving: Vec<String>,
+    /// Names of all poses, in the order of their measures.
+    pub measured: Vec<String>,
     /// Version and stages that made the results.
     pub provenance: Provenance,
 }
@@ -39,7 +42,7 @@ bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
-    const VERSION: u32 = 7;
+    const VERSION: u32 = 8;
     const METHODS: &'static str = "";
     type Input = (
         BreastMesh,
@@ -49,12 +52,13 @@ impl Stage for Deliver {
         Option<Compression>,
         Option<Mammograms>,
         Vec<Metrics>,
+        Vec<PoseMeasures>,
     );
     type Output = ResultsFile;
 
     fn run(
         &self,
-        (mesh, calibration, validations, motions, compression, mammograms, metrics): &Self::Input,
+        (mesh, calibration, validations, motions, compression, mammograms, metrics, measures): &Self::Input,
         _: &dyn Progress,
     ) -> Result<ResultsFile, Failure> {
         let rest = TetMesh { points: calibration.after.rest.clone(), ..mesh.mesh.clone() };
@@ -92,15 +96,19 @@ impl Stage for Deliver {
                 pictures.push(Picture { name, radiograph, technique, regions });
             }
         }
+        let measured: Vec<(&str, &PoseMeasures)> =
+            self.measured.iter().map(String::as_str).zip(measures).collect();
         let metrics: Vec<Metric> = sections::round_trip(calibration)
             .into_iter()
             .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
+            .chain(measured.iter().flat_map(|(pose, found)| found.metrics(pose)))
             .collect();
         let results = Results {
             study: &self.study,
             shown: shown.as_ref(),
             calibration: Some((calibration, &rest)),
             poses: &poses,
+            measures: &measured,
             compression: compression.as_ref(),
             curves: &curves,
             pictures: &pictures,

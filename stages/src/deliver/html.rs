@@ -9,6 +9,8 @@ use crate::{
     compress::Compression,
     mammogram,
     mammogram::Mammograms,
+    measure,
+    measure::PoseMeasures,
     mesh,
     mesh::BreastMesh,
     phantom,
@@ -43,8 +45,8 @@ pub struct Report {
 
 bytes_artifact!("The text of `report.html`.", ReportFile, "html");
 
-/// What was made of the images: cuts and surfaces of all poses, motions of all but the first.
-pub type Images = (Vec<PosePictures>, Vec<PoseSurfaces>, Vec<Registered>);
+/// What was made of the images: cuts, surfaces and measures of all poses, motions of all but the first.
+pub type Images = (Vec<PosePictures>, Vec<PoseSurfaces>, Vec<PoseMeasures>, Vec<Registered>);
 /// What was made of the reference pose.
 pub type Mechanics = (BreastMesh, Calibration, Vec<Validation>);
 /// What was made of the compression.
@@ -53,7 +55,7 @@ pub type Squeezed =
 
 impl Stage for Report {
     const NAME: &'static str = "report";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const METHODS: &'static str = "";
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
@@ -80,7 +82,7 @@ impl Stage for Report {
                 .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
                 .collect(),
             methods: methods(
-                [!images.2.is_empty(), !validations.is_empty()],
+                [!images.3.is_empty(), !validations.is_empty()],
                 [compression.is_some(), mammograms.is_some()],
             ),
             provenance: self.provenance.clone(),
@@ -124,6 +126,7 @@ fn methods([moved, validated]: [bool; 2], [compressed, pictured]: [bool; 2]) -> 
     if moved {
         sentences.push(register::Register::METHODS);
     }
+    sentences.push(measure::Measure::METHODS);
     sentences.extend([mesh::Mesh::METHODS, calibrate::Calibrate::METHODS]);
     if validated {
         sentences.push(validate::Validate::METHODS);

@@ -4,6 +4,7 @@ mod clamping;
 mod dicom;
 mod hdf5;
 mod html;
+mod measured;
 mod picture;
 mod scenes;
 mod sections;
