@@ -89,6 +89,38 @@ impl Tissue {
 /// A volume of tissues.
 pub type LabelMap = Volume<Tissue>;
 
+/// What a person marked in an image: the tissue of a few voxels, [`Tissue::Background`] being air;
+/// `None` where nothing is said.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scribbles(pub Volume<Option<Tissue>>);
+
+impl Scribbles {
+    /// Value of marked air in files, in which 0 is what is not marked.
+    pub const AIR: u8 = 10;
+
+    /// What a value in a file marks; the outer `None` for a value that marks nothing known.
+    pub fn from_label(label: u8) -> Option<Option<Tissue>> {
+        match label {
+            0 => Some(None),
+            Self::AIR => Some(Some(Tissue::Background)),
+            tissue => Tissue::from_label(tissue).map(Some),
+        }
+    }
+
+    /// The value in a file.
+    pub fn label(mark: Option<Tissue>) -> u8 {
+        match mark {
+            None => 0,
+            Some(Tissue::Background) => Self::AIR,
+            Some(tissue) => tissue.label(),
+        }
+    }
+}
+
+/// Label values as another program numbers them, before [`LabelMap`] is made of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RawLabels(pub Volume<u16>);
+
 /// The person's side; right is +x.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,

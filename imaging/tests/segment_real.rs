@@ -178,7 +178,11 @@ fn no_surface_of_a_real_chest_passes_through_itself() {
             let surface = surface(&field);
             let pairs = crossings(&surface).len();
             let unchecked = mammotwin_imaging::mri::smooth::project(&surface, &field);
-            println!("{name}: {pairs} pairs, {} of {} triangles", crossings(&unchecked).len(), surface.triangles.len());
+            println!(
+                "{name}: {pairs} pairs, {} of {} triangles",
+                crossings(&unchecked).len(),
+                surface.triangles.len()
+            );
             assert_eq!(pairs, 0);
         }
     }

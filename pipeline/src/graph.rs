@@ -1,6 +1,7 @@
 //! The pipeline: one function whose calls are the graph.
 
 mod fiducials;
+mod labels;
 
 use mammotwin_data::{
     Failure,
@@ -26,6 +27,7 @@ use mammotwin_stages::{
     fiducials::Fiducials,
     gland::Gland,
     mammogram::{Mammogram, Mammograms},
+    measure::{Measure, PoseMeasures},
     mesh::{BreastMesh, Mesh},
     monte_carlo::MonteCarlo,
     phantom::{CompressedPhantom, Phantom},
@@ -33,7 +35,6 @@ use mammotwin_stages::{
     quality::{Metrics, Quality},
     register::{Register, Registered},
     results::{Provenance, StageRecord},
-    segment::Segment,
     surface::{PoseSurfaces, Surface},
     validate::{Validate, Validation},
 };
@@ -103,6 +104,8 @@ pub struct PoseOutcome {
     pub surfaces: Stored<PoseSurfaces>,
     /// How it lies to the reference pose; `None` for the reference pose.
     pub registered: Option<Stored<Registered>>,
+    /// Volumes, protrusion, nipples and skin of its breasts.
+    pub measures: Stored<PoseMeasures>,
     /// Cuts for the report.
     pub pictures: Stored<PosePictures>,
 }
@@ -294,11 +297,14 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
         pose.registered.clone().map(|registered| (name.clone(), registered))
     });
     let (moving, moved): (Vec<String>, Vec<_>) = moving.unzip();
-    let deliver = Deliver { study: study.without_files(), moving, provenance: provenance.clone() };
+    let measured = outcome.poses.keys().cloned().collect();
+    let measures: Vec<_> = outcome.poses.values().map(|pose| pose.measures.clone()).collect();
+    let deliver =
+        Deliver { study: study.without_files(), moving, measured, provenance: provenance.clone() };
     let squeezed = part.map(|part| &part.compression);
     let taken = part.and_then(|part| part.mammograms.as_ref());
-    let (held_out, marked) = (&validations[..], &fiducials[..]);
-    let inputs = (mesh, calibration, held_out, marked, &moved[..], squeezed, taken, metrics);
+    let tested = (&validations[..], &fiducials[..]);
+    let inputs = (mesh, calibration, tested, &moved[..], squeezed, taken, metrics, &measures[..]);
     let results = run.stage("", &deliver, inputs)?;
     run.export("results.h5", &results)?;
 
@@ -308,6 +314,7 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
     let of = |name: &&String| &outcome.poses[*name];
     let pictures: Vec<_> = names.iter().map(|n| of(n).pictures.clone()).collect();
     let surfaces: Vec<_> = names.iter().map(|n| of(n).surfaces.clone()).collect();
+    let measures: Vec<_> = names.iter().map(|n| of(n).measures.clone()).collect();
     let motions: Vec<_> = names.iter().filter_map(|n| of(n).registered.clone()).collect();
     let mut warnings = vec![NO_DEVICE.to_owned()];
     for name in &names {
@@ -328,7 +335,7 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
         parameters: study.calibrate.parameters.clone(),
         provenance,
     };
-    let images = (&pictures[..], &surfaces[..], &motions[..]);
+    let images = (&pictures[..], &surfaces[..], &measures[..], &motions[..]);
     let mechanics = (mesh, calibration, &validations[..], &fiducials[..]);
     let squeezed = (squeezed, phantom, taken, metrics);
     let report = run.stage("", &report, (images, mechanics, squeezed))?;
@@ -415,21 +422,16 @@ pub(crate) fn images(
     for name in order {
         let (pose, scan) = (&study.poses[name], scans[name].clone());
         let gravity_in_image = gravity(name, pose)?;
+        let own = if name == reference { reference_landmarks.clone() } else { landmarks(name)? };
         let start: Option<Stored<Start>> = match poses.get(reference) {
             None => None,
             Some(fixed) => {
-                let (marks, own) = (reference_landmarks.as_ref(), landmarks(name)?);
                 let images = (&fixed.scan, &fixed.labels, &scan);
-                Some(run.stage(name, &Align, (marks, own.as_ref(), images))?)
+                let marks = (reference_landmarks.as_ref(), own.as_ref());
+                Some(run.stage(name, &Align, (marks.0, marks.1, images))?)
             }
         };
-        let labels = match &pose.labels {
-            Some(path) => run.external(&format!("poses.{name}.labels"), path)?,
-            None => {
-                let visible = format!("labels/{name}");
-                run.editable(&visible, name, &Segment, (&scan, start.as_ref()))?
-            }
-        };
+        let labels = labels::of_pose(name, pose, &scan, start.as_ref(), run)?;
         let surfaces = run.stage(name, &Surface::default(), &labels)?;
         let registered = match (&start, poses.get(reference)) {
             (Some(start), Some(fixed)) => {
@@ -443,10 +445,13 @@ pub(crate) fn images(
             }
             _ => None,
         };
+        let inputs = (&scan, &labels, &surfaces, own.as_ref(), registered.as_ref());
+        let measures = run.stage(name, &Measure, inputs)?;
         let pictures = Pictures { mm_per_pixel: CUT_MM };
         let fixed = registered.as_ref().and(poses.get(reference)).map(|fixed| &fixed.scan);
         let pictures = run.stage(name, &pictures, (&scan, &labels, fixed, registered.as_ref()))?;
-        poses.insert(name.clone(), PoseOutcome { scan, labels, surfaces, registered, pictures });
+        let pose = PoseOutcome { scan, labels, surfaces, registered, measures, pictures };
+        poses.insert(name.clone(), pose);
     }
     Ok(poses)
 }

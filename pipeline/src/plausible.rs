@@ -8,13 +8,13 @@ use mammotwin_data::{
         stl,
         torque::{self, TorqueLaw},
     },
-    labels::{LabelMap, Tissue},
+    labels::{LabelMap, Scribbles, Tissue},
     landmarks::Landmarks,
     study::{CompressPlan, Pose, Study},
     volume::{Grid, Volume},
 };
 use mammotwin_solver::paddles::CadPaddle;
-use mammotwin_stages::{compress::from_cad, fiducials};
+use mammotwin_stages::{compress::from_cad, fiducials, relabel::relabelled};
 use std::path::{Path, PathBuf};
 
 /// How much a finding matters.
@@ -160,9 +160,15 @@ impl PoseCheck<'_> {
             }
         };
         if let Some(file) = &self.pose.labels {
-            match nifti::read_labels(&self.path(file)) {
+            match self.read_labels(&self.path(file)) {
                 Ok(labels) => self.labels(&labels, grid.as_ref()),
-                Err(error) => self.refused("labels", error),
+                Err(failure) => self.refused("labels", failure),
+            }
+        }
+        if let Some(file) = &self.pose.scribbles {
+            match nifti::read_scribbles(&self.path(file)) {
+                Ok(scribbles) => self.scribbles(&scribbles, grid.as_ref()),
+                Err(error) => self.refused("scribbles", error),
             }
         }
         let file = self.pose.landmarks.as_ref()?;
@@ -205,6 +211,38 @@ impl PoseCheck<'_> {
         let text = format!("{i} x {j} x {k} voxels of {a:.3} x {b:.3} x {c:.3} mm, {orientation}");
         self.note("image", Weight::Good, text);
         grid(summary)
+    }
+
+    fn read_labels(&self, path: &Path) -> Result<LabelMap, Failure> {
+        match &self.pose.label_map {
+            None => Ok(nifti::read_labels(path)?),
+            Some(map) => relabelled(&nifti::read_raw_labels(path)?, map)
+                .map_err(|why| Failure::BadInput(format!("{}: {why}", path.display()))),
+        }
+    }
+
+    fn scribbles(&mut self, Scribbles(marked): &Scribbles, grid: Option<&Grid>) {
+        if grid.is_some_and(|grid| !same_place(grid, &marked.grid)) {
+            let text = "lie on another grid than the image; draw them on the image itself";
+            self.note("scribbles", Weight::Wrong, text);
+        }
+        let count = |tissue: Tissue| marked.values.iter().filter(|m| **m == Some(tissue)).count();
+        let there = Tissue::ALL.map(|tissue| (Scribbles::label(Some(tissue)), count(tissue)));
+        let told: Vec<String> = there
+            .iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(label, count)| format!("{count} of {label}"))
+            .collect();
+        if told.is_empty() {
+            self.note(
+                "scribbles",
+                Weight::Wrong,
+                "no voxel is marked; mark some, or remove the key",
+            );
+        } else {
+            let text = format!("marked voxels: {}", told.join(", "));
+            self.note("scribbles", Weight::Good, text);
+        }
     }
 
     fn labels(&mut self, labels: &LabelMap, grid: Option<&Grid>) {
@@ -288,7 +326,8 @@ fn common_landmarks(study: &Study, marked: &[(&String, Landmarks)]) -> Vec<Findi
 /// Markers on the breasts test how far tissue slides along the skin; a study without them works.
 fn missing_fiducials(study: &Study, marked: &[(&String, Landmarks)]) -> Vec<Finding> {
     let reference = study.reference_pose();
-    let of = |pose: &str| marked.iter().find(|(name, _)| *name == pose).map(|(_, landmarks)| landmarks);
+    let of =
+        |pose: &str| marked.iter().find(|(name, _)| *name == pose).map(|(_, landmarks)| landmarks);
     let none = |name: &&String| match (of(reference), of(name)) {
         (Some(fixed), Some(own)) => fiducials::pairs(fixed, own).is_empty(),
         _ => true,

@@ -25,15 +25,13 @@ pub struct Pictures {
     pub mm_per_pixel: f64,
 }
 
-/// The cuts of one pose, and what its labels come to.
+/// The cuts of one pose.
 #[derive(Debug, Clone)]
 pub struct PosePictures {
     /// With outlines of the labels.
     pub outlines: Vec<SlicePicture>,
     /// Over the reference pose; empty for the reference pose itself.
     pub overlays: Vec<OverlayPicture>,
-    /// Volume (ml) of each tissue, by label.
-    pub volumes_ml: Vec<f64>,
 }
 
 fn put_raster(file: &mut hdf5::Writer, name: &str, raster: &Raster) -> Result<(), Failure> {
@@ -68,7 +66,6 @@ impl Artifact for PosePictures {
             put_raster(&mut file, &format!("overlays/{n}/moved"), &cut.moved)?;
             put_raster(&mut file, &format!("overlays/{n}/checkerboard"), &cut.checkerboard)?;
         }
-        file.put("volumes", &self.volumes_ml, "ml", "volume of each tissue, by label")?;
         Ok(file.finish()?)
     }
 
@@ -89,7 +86,7 @@ impl Artifact for PosePictures {
                 checkerboard: raster(&file, &format!("overlays/{n}/checkerboard"))?,
             });
         }
-        Ok(Self { outlines, overlays, volumes_ml: file.get("volumes")? })
+        Ok(Self { outlines, overlays })
     }
 }
 
@@ -107,7 +104,7 @@ fn center(labels: &LabelMap) -> Vec3 {
 
 impl Stage for Pictures {
     const NAME: &'static str = "pictures";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "";
     /// The pose, and for a moving pose the reference image with the motion to it.
     type Input = (Volume<f32>, LabelMap, Option<Volume<f32>>, Option<Registered>);
@@ -134,12 +131,6 @@ impl Stage for Pictures {
             }
             _ => Vec::new(),
         };
-        let mut counts = [0usize; Tissue::ALL.len()];
-        for tissue in &labels.values {
-            counts[usize::from(tissue.label())] += 1;
-        }
-        let voxel_ml = labels.grid.voxel_mm3() / 1000.0;
-        let volumes_ml = counts.map(|n| n as f64 * voxel_ml).to_vec();
-        Ok(PosePictures { outlines, overlays, volumes_ml })
+        Ok(PosePictures { outlines, overlays })
     }
 }

@@ -20,7 +20,12 @@ const CHANGED_MM: f64 = 5.0;
 ///
 /// # Errors
 /// [`Failure::BadInput`] that names the pose, [`Failure::Numerics`] when distances cannot be measured.
-pub fn refuse_wrong(target: &PoseTarget, name: &str, reference: &Shape, gravity: &Vec3) -> Result<(), Failure> {
+pub fn refuse_wrong(
+    target: &PoseTarget,
+    name: &str,
+    reference: &Shape,
+    gravity: &Vec3,
+) -> Result<(), Failure> {
     let signed_mm = target.signed_mm(&reference.points)?;
     let (pose, change) = (&target.pose, target.gravity - gravity);
     let mend = "correct posture or gravity_in_image, or the registration";

@@ -8,7 +8,7 @@ mod poses;
 pub use compression::Picture;
 pub use poses::{DRAWS, PoseResult};
 
-use crate::{calibrate::Calibration, compress::Compression};
+use crate::{calibrate::Calibration, compress::Compression, measure::PoseMeasures};
 use mammotwin_data::{
     Failure, Mat3, Vec3,
     io::hdf5::{Curve, Field, Frame, Step, Writer},
@@ -36,6 +36,8 @@ pub struct Results<'a> {
     pub nipple_nodes: &'a [u32],
     /// The poses, the reference first.
     pub poses: &'a [PoseResult<'a>],
+    /// What the breasts measure in each pose, by its name.
+    pub measures: &'a [(&'a str, &'a PoseMeasures)],
     /// The compression.
     pub compression: Option<&'a Compression>,
     /// Curves, `force_thickness` among them when there was a compression.
@@ -104,6 +106,9 @@ pub fn write(path: &Path, results: &Results) -> Result<(), Failure> {
     }
     for pose in results.poses {
         poses::put_pose(&mut file, pose)?;
+    }
+    for (pose, measures) in results.measures {
+        poses::put_measures(&mut file, pose, measures)?;
     }
     if let Some(found) = results.compression {
         compression::put_compression(&mut file, found)?;
@@ -211,7 +216,9 @@ fn without_paths(study: &Study) -> Result<serde_json::Value, Failure> {
     let poses = value.get_mut("poses").and_then(|poses| poses.as_object_mut());
     for pose in poses.into_iter().flat_map(|poses| poses.values_mut()) {
         if let Some(keys) = pose.as_object_mut() {
-            keys.retain(|key, _| !["image", "landmarks", "labels"].contains(&key.as_str()));
+            keys.retain(|key, _| {
+                !["image", "landmarks", "labels", "scribbles"].contains(&key.as_str())
+            });
         }
     }
     Ok(value)
@@ -256,6 +263,7 @@ mod tests {
             calibration: None,
             nipple_nodes: &[],
             poses: &[],
+            measures: &[],
             compression: None,
             curves: &[],
             pictures: &[],

@@ -55,7 +55,12 @@ fn fifty_random_anatomies() {
         match mesh {
             Ok(s) => println!(
                 "{name}: {} tets, worst {:.3}, mean {:.3}, over 0.75 {}, aspect {:.2}, angle {:.1}, {:.1?}",
-                s.tets, s.max_skewness, s.mean_skewness, s.over_075, s.max_aspect_ratio, s.max_angle_deg,
+                s.tets,
+                s.max_skewness,
+                s.mean_skewness,
+                s.over_075,
+                s.max_aspect_ratio,
+                s.max_angle_deg,
                 start.elapsed()
             ),
             Err(cause) => println!("{name}: {cause}"),
@@ -67,7 +72,8 @@ fn fifty_random_anatomies() {
 fn faces_off(mesh: &TetMesh, patch: Patch, level: &(impl Fn(&Vec3) -> f64 + Sync)) -> Vec<f64> {
     let faces = mesh.patch(patch);
     let place = |corners: [Vec3; 3], n: usize| {
-        let (i, j) = [(0, 0), (0, 1), (0, 2), (0, 3), (1, 0), (1, 1), (1, 2), (2, 0), (2, 1), (3, 0)][n];
+        let (i, j) =
+            [(0, 0), (0, 1), (0, 2), (0, 3), (1, 0), (1, 1), (1, 2), (2, 0), (2, 1), (3, 0)][n];
         let [u, v] = [i as f64 / 3.0, j as f64 / 3.0];
         corners[0] * (1.0 - u - v) + corners[1] * u + corners[2] * v
     };
@@ -85,7 +91,10 @@ fn fine(torso: &Torso, level: &(impl Fn(&Vec3) -> f64 + Sync)) -> TriMesh {
     let (low, high) = torso.bounds();
     let count = |axis: usize| ((high[axis] - low[axis]) / 2.0) as usize + 8;
     let grid = Grid::aligned([count(0), count(1), count(2)], [2.0; 3], low.add_scalar(-6.0));
-    let values = (0..grid.len()).into_par_iter().map(|n| level(&grid.center(grid.voxel(n))) as f32).collect();
+    let values = (0..grid.len())
+        .into_par_iter()
+        .map(|n| level(&grid.center(grid.voxel(n))) as f32)
+        .collect();
     surface(&Volume { grid, values })
 }
 
@@ -97,26 +106,41 @@ fn faces() {
         let wall = |p: &Vec3| torso.chest_wall(p);
         for size_mm in [5.0, 8.0, 11.0] {
             let start = std::time::Instant::now();
-            let mesh = tetrahedralize(&torso, &Meshing::of_size(size_mm), |_| Tissue::AdiposeRight).unwrap();
+            let mesh = tetrahedralize(&torso, &Meshing::of_size(size_mm), |_| Tissue::AdiposeRight)
+                .unwrap();
             let t_mesh = start.elapsed();
             let report = |mesh: &TetMesh| {
                 for (patch, off) in [
                     (Patch::Skin, faces_off(mesh, Patch::Skin, &skin)),
                     (Patch::ChestWall, faces_off(mesh, Patch::ChestWall, &wall)),
                 ] {
-                    let truth = if patch == Patch::Skin { fine(&torso, &skin) } else { fine(&torso, &wall) };
+                    let truth = if patch == Patch::Skin {
+                        fine(&torso, &skin)
+                    } else {
+                        fine(&torso, &wall)
+                    };
                     let index = SurfaceIndex::new(&mesh.patch_surface(patch)).unwrap();
-                    let inside = |p: &&Vec3| torso.limits.contain(p) && torso.distances(p).max() < 0.02;
+                    let inside =
+                        |p: &&Vec3| torso.limits.contain(p) && torso.distances(p).max() < 0.02;
                     let points: Vec<Vec3> = truth.points.iter().filter(inside).copied().collect();
-                    let back: Vec<f64> = index.closest_of(&points).unwrap().iter().map(|c| c.distance_mm).collect();
+                    let back: Vec<f64> =
+                        index.closest_of(&points).unwrap().iter().map(|c| c.distance_mm).collect();
                     let mean = off.iter().sum::<f64>() / off.len() as f64;
                     println!(
                         "{preset} {size_mm} {patch:?}: faces {:.3?} mean {mean:.3}, back {:.3?} of {}",
-                        p95_and_max(&sorted(off)), p95_and_max(&sorted(back)), points.len()
+                        p95_and_max(&sorted(off)),
+                        p95_and_max(&sorted(back)),
+                        points.len()
                     );
                 }
                 let s = quality(&mesh.points, &mesh.tets).summary;
-                println!("  volume {:.3} ml, {} tets, worst {:.3}, over 0.75 {}, {t_mesh:?}", mesh.volume_mm3() / 1e3, s.tets, s.max_skewness, s.over_075);
+                println!(
+                    "  volume {:.3} ml, {} tets, worst {:.3}, over 0.75 {}, {t_mesh:?}",
+                    mesh.volume_mm3() / 1e3,
+                    s.tets,
+                    s.max_skewness,
+                    s.over_075
+                );
             };
             report(&mesh);
             // Skin nodes out by what the faces around them lie in.

@@ -33,7 +33,7 @@ struct Volunteer {
 }
 
 fn pose(image: Volume<f32>, start: Option<Start>) -> Pose {
-    let labels = Segment.run(&(image.clone(), start), &Silent).unwrap();
+    let labels = Segment.run(&(image.clone(), start, None), &Silent).unwrap();
     let surfaces = Surface::default().run(&labels, &Silent).unwrap();
     (image, labels, surfaces)
 }

@@ -8,7 +8,7 @@ use crate::{
         nifti::{self, Version, VoxelType},
         stl,
     },
-    labels::LabelMap,
+    labels::{LabelMap, RawLabels, Scribbles},
     landmarks::Landmarks,
     surface::TriMesh,
     volume::Volume,
@@ -36,6 +36,31 @@ impl Artifact for LabelMap {
 
     fn load(path: &Path) -> Result<Self, Failure> {
         Ok(nifti::read_labels(path)?)
+    }
+}
+
+impl Artifact for Scribbles {
+    const EXTENSION: &'static str = "nii.gz";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        let values = self.0.map(|mark| u16::from(Self::label(mark)));
+        Ok(nifti::write_raw_labels(path, &values, Version::One)?)
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        Ok(nifti::read_scribbles(path)?)
+    }
+}
+
+impl Artifact for RawLabels {
+    const EXTENSION: &'static str = "nii.gz";
+
+    fn save(&self, path: &Path) -> Result<(), Failure> {
+        Ok(nifti::write_raw_labels(path, &self.0, Version::One)?)
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        Ok(nifti::read_raw_labels(path)?)
     }
 }
 

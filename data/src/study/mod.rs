@@ -7,6 +7,7 @@ mod clamp;
 mod compression;
 mod design;
 mod interface;
+mod label_map;
 mod law;
 mod locate;
 mod mammogram;
@@ -24,6 +25,7 @@ pub use compression::{
 };
 pub use design::{DesignPlan, designs};
 pub use interface::{InterfaceKind, InterfacePlan, InterfaceRegion, RegionPlan};
+pub use label_map::LabelName;
 pub use law::{BadConstant, LawConstants, LawName, OgdenTerms};
 pub use mammogram::{
     AbsorberPlan, BeamPlan, CalcificationPlan, Exposure, FocalSpotPlan, Gland, MammogramPlan,
@@ -82,7 +84,8 @@ impl Study {
     pub fn without_files(&self) -> Self {
         let mut study = self.clone();
         for pose in study.poses.values_mut() {
-            (pose.image, pose.landmarks, pose.labels) = (PathBuf::new(), None, None);
+            (pose.image, pose.landmarks) = (PathBuf::new(), None);
+            (pose.labels, pose.scribbles) = (None, None);
         }
         study.compress = study.compress.map(CompressPlan::without_files);
         study
@@ -145,6 +148,10 @@ pub struct Pose {
     pub landmarks: Option<PathBuf>,
     /// Finished labels; the segmentation is skipped.
     pub labels: Option<PathBuf>,
+    /// What the numbers of `labels` mean, by number; those of [`crate::labels::Tissue`] when absent.
+    pub label_map: Option<BTreeMap<String, LabelName>>,
+    /// A few marked voxels that teach the segmentation, as [`crate::labels::Scribbles`] says.
+    pub scribbles: Option<PathBuf>,
     /// Whether it calibrates or proves.
     #[serde(default, rename = "use")]
     pub usage: Use,

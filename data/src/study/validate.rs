@@ -109,7 +109,8 @@ fn check(study: &Study) -> Checked {
         }
     }
     if study.calibrate.second_start && study.calibrate.parameters.is_empty() {
-        let why = "repeats a search, but nothing is fitted; name calibrate.parameters or leave it out";
+        let why =
+            "repeats a search, but nothing is fitted; name calibrate.parameters or leave it out";
         return refuse("calibrate.second_start", why);
     }
     study.compress.as_ref().map_or(Ok(()), compress)?;
@@ -157,10 +158,25 @@ fn poses(study: &Study) -> Checked {
 
 fn one_pose(path: &str, pose: &Pose) -> Checked {
     let files = [("image", Some(&pose.image)), ("landmarks", pose.landmarks.as_ref())];
-    for (key, file) in files.into_iter().chain([("labels", pose.labels.as_ref())]) {
+    let drawn = [("labels", pose.labels.as_ref()), ("scribbles", pose.scribbles.as_ref())];
+    for (key, file) in files.into_iter().chain(drawn) {
         let text = file.map(|file| file.as_os_str().as_encoded_bytes());
         if text.is_some_and(|text| text.is_empty() || text.contains(&0)) {
             return refuse(format!("{path}.{key}"), "not the name of a file");
+        }
+    }
+    if pose.labels.is_some() && pose.scribbles.is_some() {
+        let why = "labels are finished and leave nothing to teach; remove one of the two keys";
+        return refuse(format!("{path}.scribbles"), why);
+    }
+    for number in pose.label_map.iter().flat_map(|map| map.keys()) {
+        let path = format!("{path}.label_map");
+        if pose.labels.is_none() {
+            return refuse(path, "names the values of labels, and there are none; add labels");
+        }
+        if number.parse::<u16>().is_err() {
+            let why = "is not the value of a label; write a whole number from 0 to 65535";
+            return refuse(format!("{path}.{number}"), why);
         }
     }
     if let Some(direction) = pose.gravity_in_image {

@@ -118,7 +118,7 @@ impl Body {
     /// # Errors
     /// [`Failure::BadInput`] when the study was not run: it says with which command it is.
     pub fn load(study: &Study, command: &str, outcome: &Outcome) -> Result<Self, Failure> {
-        let Outcome { reference, poses, mesh, calibration, validations, squeezed } = outcome;
+        let Outcome { reference, poses, mesh, calibration, validations, squeezed, .. } = outcome;
         let pending = poses.values().filter_map(|pose| pose.registered.as_ref());
         let pending = pending.filter(|registered| registered.is_pending()).count()
             + validations.values().filter(|validation| validation.is_pending()).count()

@@ -7,6 +7,7 @@ use crate::{
     compress::Compression,
     fiducials::Fiducials,
     mammogram::Mammograms,
+    measure::PoseMeasures,
     mesh::BreastMesh,
     pose::PoseFit,
     quality::{Metrics, PictureRegions},
@@ -32,6 +33,8 @@ pub struct Deliver {
     pub study: Study,
     /// Names of the poses that were registered, in the order of the inputs.
     pub moving: Vec<String>,
+    /// Names of all poses, in the order of their measures.
+    pub measured: Vec<String>,
     /// Version and stages that made the results.
     pub provenance: Provenance,
 }
@@ -45,18 +48,27 @@ impl Stage for Deliver {
     type Input = (
         BreastMesh,
         Calibration,
-        Vec<Validation>,
-        Vec<Fiducials>,
+        (Vec<Validation>, Vec<Fiducials>),
         Vec<Registered>,
         Option<Compression>,
         Option<Mammograms>,
         Vec<Metrics>,
+        Vec<PoseMeasures>,
     );
     type Output = ResultsFile;
 
     fn run(
         &self,
-        (mesh, calibration, validations, fiducials, motions, compression, mammograms, metrics): &Self::Input,
+        (
+            mesh,
+            calibration,
+            (validations, fiducials),
+            motions,
+            compression,
+            mammograms,
+            metrics,
+            measures,
+        ): &Self::Input,
         _: &dyn Progress,
     ) -> Result<ResultsFile, Failure> {
         let rest = TetMesh { points: calibration.after.rest.clone(), ..mesh.mesh.clone() };
@@ -94,11 +106,14 @@ impl Stage for Deliver {
                 pictures.push(Picture { name, radiograph, technique, regions });
             }
         }
+        let measured: Vec<(&str, &PoseMeasures)> =
+            self.measured.iter().map(String::as_str).zip(measures).collect();
         let metrics: Vec<Metric> = sections::round_trip(calibration)
             .into_iter()
             .chain(fits::metrics(calibration, fiducials))
             .chain(sections::walls(&self.moving, motions))
             .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
+            .chain(measured.iter().flat_map(|(pose, found)| found.metrics(pose)))
             .collect();
         let results = Results {
             study: &self.study,
@@ -106,6 +121,7 @@ impl Stage for Deliver {
             calibration: Some((calibration, &rest)),
             nipple_nodes: &mesh.nipple_nodes(),
             poses: &poses,
+            measures: &measured,
             compression: compression.as_ref(),
             curves: &curves,
             pictures: &pictures,

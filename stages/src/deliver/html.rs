@@ -10,6 +10,8 @@ use crate::{
     fiducials::{Carry, Fiducials},
     mammogram,
     mammogram::Mammograms,
+    measure,
+    measure::PoseMeasures,
     mesh,
     mesh::BreastMesh,
     phantom,
@@ -48,8 +50,8 @@ pub struct Report {
 
 bytes_artifact!("The text of `report.html`.", ReportFile, "html");
 
-/// What was made of the images: cuts and surfaces of all poses, motions of all but the first.
-pub type Images = (Vec<PosePictures>, Vec<PoseSurfaces>, Vec<Registered>);
+/// What was made of the images: cuts, surfaces and measures of all poses, motions of all but the first.
+pub type Images = (Vec<PosePictures>, Vec<PoseSurfaces>, Vec<PoseMeasures>, Vec<Registered>);
 /// What was made of the reference pose, of the poses that were held out, and of the markers.
 pub type Mechanics = (BreastMesh, Calibration, Vec<Validation>, Vec<Fiducials>);
 /// What was made of the compression.
@@ -83,11 +85,11 @@ impl Stage for Report {
             metrics: sections::round_trip(calibration)
                 .into_iter()
                 .chain(fits::metrics(calibration, fiducials))
-                .chain(sections::walls(self.poses.get(1..).unwrap_or_default(), &images.2))
+                .chain(sections::walls(self.poses.get(1..).unwrap_or_default(), &images.3))
                 .chain(metrics.iter().flat_map(|m| m.metrics.clone()))
                 .collect(),
             methods: methods(
-                [!images.2.is_empty(), !validations.is_empty()],
+                [!images.3.is_empty(), !validations.is_empty()],
                 [compression.is_some(), mammograms.is_some()],
             ),
             provenance: self.provenance.clone(),
@@ -152,6 +154,7 @@ fn methods([moved, validated]: [bool; 2], [compressed, pictured]: [bool; 2]) -> 
     if moved {
         sentences.push(register::Register::METHODS);
     }
+    sentences.push(measure::Measure::METHODS);
     sentences.extend([mesh::Mesh::METHODS, calibrate::Calibrate::METHODS]);
     if validated {
         sentences.push(validate::Validate::METHODS);

@@ -5,6 +5,7 @@ mod dicom;
 mod fits;
 mod hdf5;
 mod html;
+mod measured;
 mod picture;
 mod scenes;
 mod sections;

@@ -1,6 +1,6 @@
 //! The sections of the report, each from the results of one or two stages.
 
-use super::html::Images;
+use super::{html::Images, measured};
 use crate::{
     calibrate::{Calibration, Trial},
     compress::Compression,
@@ -21,11 +21,7 @@ use crate::{
     wall_distance,
 };
 use mammotwin_data::{
-    labels::{Side, Tissue},
-    mesh::Patch,
-    metric::Metric,
-    rigid::RigidTransform,
-    surface::TriMesh,
+    labels::Side, mesh::Patch, metric::Metric, rigid::RigidTransform, surface::TriMesh,
     units::DEGREE,
 };
 
@@ -33,30 +29,18 @@ use mammotwin_data::{
 const DISTANCE_RANGE_MM: [f64; 2] = [-5.0, 5.0];
 
 /// Images and what became of them.
-pub fn poses(names: &[String], (pictures, surfaces, registered): &Images) -> Vec<PoseReport> {
+pub fn poses(names: &[String], images: &Images) -> Vec<PoseReport> {
+    let (pictures, surfaces, measures, registered) = images;
     let mut reports = Vec::new();
     for (n, (name, picture)) in names.iter().zip(pictures).enumerate() {
-        let volume = |tissues: &[Tissue]| -> f64 {
-            tissues.iter().map(|t| picture.volumes_ml[usize::from(t.label())]).sum()
-        };
         let mut report = PoseReport {
             name: name.clone(),
-            facts: vec![
-                Fact::new(
-                    "Right breast",
-                    format!(
-                        "{:.0} ml",
-                        volume(&[Tissue::AdiposeRight, Tissue::FibroglandularRight])
-                    ),
-                ),
-                Fact::new(
-                    "Left breast",
-                    format!("{:.0} ml", volume(&[Tissue::AdiposeLeft, Tissue::FibroglandularLeft])),
-                ),
-            ],
             outlines: picture.outlines.clone(),
-            registration: None,
+            ..PoseReport::default()
         };
+        if let Some(found) = measures.get(n) {
+            (report.facts, report.skin) = measured::section(found);
+        }
         let moving = n.checked_sub(1).and_then(|m| registered.get(m));
         if let (Some(moving), Some(own), Some(fixed)) = (moving, surfaces.get(n), surfaces.first())
         {

@@ -37,6 +37,7 @@ pub fn render(input: &ReportInput) -> Result<String, Failure> {
             name => pose.name,
             facts => pose.facts,
             outlines => pose.outlines.iter().map(cut).collect::<Vec<_>>(),
+            skin => maps(pose.skin.as_slice())?,
             registration => registration,
         });
     }

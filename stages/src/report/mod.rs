@@ -86,6 +86,8 @@ pub struct PoseReport {
     pub facts: Vec<Fact>,
     /// Cuts with outlines of the segmentation.
     pub outlines: Vec<SlicePicture>,
+    /// Thickness of the skin, where the image shows it.
+    pub skin: Option<SurfaceMap>,
     /// How it was brought into the frame of the reference pose.
     pub registration: Option<RegistrationReport>,
 }

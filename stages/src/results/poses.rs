@@ -4,6 +4,7 @@
 use crate::{
     calibrate::{Calibration, Fit},
     fiducials::{Fiducials, Miss, Summary},
+    measure::{PoseMeasures, SideMeasures},
     model::Moduli,
     pose::PoseFit,
     register::Registered,
@@ -94,6 +95,47 @@ fn put_misses(file: &mut Writer, group: &str, misses: &[Miss], words: &str) -> R
         }
     }
     Ok(file.attribute(group, "long_name", words)?)
+}
+
+/// Writes `/poses/NAME/breasts`: what the breasts of a pose measure.
+pub fn put_measures(file: &mut Writer, pose: &str, measures: &PoseMeasures) -> Result<(), Failure> {
+    for one in &measures.sides {
+        put_breast(file, &format!("poses/{pose}/breasts/{}", one.side.name()), one)?;
+    }
+    if measures.skin_mm.is_empty() {
+        return Ok(());
+    }
+    let group = format!("poses/{pose}/breasts/skin");
+    file.put_surface(&group, &measures.skin)?;
+    let long_name = "Thickness of the skin";
+    file.put(&format!("{group}/thickness_mm"), &measures.skin_mm, "mm", long_name)?;
+    file.attribute(&group, "long_name", "Skin on which a thickness was told")?;
+    Ok(())
+}
+
+fn put_breast(file: &mut Writer, group: &str, one: &SideMeasures) -> Result<(), Failure> {
+    for (name, value, units, long_name) in [
+        ("volume_cm3", one.volume_cm3, "cm3", "Breast in front of the chest wall, skin included"),
+        ("gland_volume_cm3", one.gland_cm3, "cm3", "Fibroglandular tissue"),
+        ("gland_share", one.gland_share, "1", "Share of gland in gland and fat, by volume"),
+        ("protrusion_mm", one.protrusion_mm, "mm", "Farthest skin from the chest wall"),
+    ] {
+        file.put_scalar(&format!("{group}/{name}"), value, units, long_name)?;
+    }
+    let nipple = "Nipple in the frame of the reference pose";
+    file.put(&format!("{group}/nipple_mm"), one.nipple_mm.as_slice(), "mm", nipple)?;
+    let from = one.nipple_from.name();
+    file.put_text(&format!("{group}/nipple_from"), from, "What tells where the nipple is")?;
+    let Some(skin) = one.skin else { return Ok(()) };
+    for (name, value, units, long_name) in [
+        ("skin_median_mm", skin.median_mm, "mm", "Thickness of the skin, median"),
+        ("skin_p05_mm", skin.p05_mm, "mm", "5 % of the skin are thinner"),
+        ("skin_p95_mm", skin.p95_mm, "mm", "95 % of the skin are thinner"),
+        ("skin_seen", skin.seen, "1", "Share of the skin on which a thickness was told"),
+    ] {
+        file.put_scalar(&format!("{group}/{name}"), value, units, long_name)?;
+    }
+    Ok(())
 }
 
 fn put_registration(

@@ -17,11 +17,11 @@ mod write;
 pub use header::Version;
 pub use orientation::{axis_codes, obliquity};
 pub use voxels::VoxelType;
-pub use write::{write, write_labels};
+pub use write::{write, write_labels, write_raw_labels};
 
 use crate::{
     Failure,
-    labels::{LabelMap, Tissue},
+    labels::{LabelMap, RawLabels, Scribbles, Tissue},
     volume::Volume,
 };
 use header::Packing;
@@ -95,12 +95,33 @@ pub fn read(path: &Path) -> Result<Volume<f32>, NiftiError> {
 /// # Errors
 /// As [`read`], and when a value is the label of no tissue.
 pub fn read_labels(path: &Path) -> Result<LabelMap, NiftiError> {
+    whole(path, |label| Tissue::from_label(u8::try_from(label).ok()?))
+}
+
+/// What a person marked; the values are those of [`Scribbles::from_label`].
+///
+/// # Errors
+/// As [`read`], and when a value marks nothing known.
+pub fn read_scribbles(path: &Path) -> Result<Scribbles, NiftiError> {
+    whole(path, |label| Scribbles::from_label(u8::try_from(label).ok()?)).map(Scribbles)
+}
+
+/// Labels as another program numbers them.
+///
+/// # Errors
+/// As [`read`], and when a value is no whole number from 0 to 65535.
+pub fn read_raw_labels(path: &Path) -> Result<RawLabels, NiftiError> {
+    whole(path, |label| u16::try_from(label).ok()).map(RawLabels)
+}
+
+/// An image of whole numbers.
+fn whole<T>(path: &Path, convert: impl Fn(u32) -> Option<T>) -> Result<Volume<T>, NiftiError> {
     let mut source = Source::open(path)?;
     let (slope, inter) = (source.slope, source.inter);
     let values = source.voxels(|stored| {
-        let label = slope * stored + inter;
-        let whole = label.fract() == 0.0 && (0.0..256.0).contains(&label);
-        Tissue::from_label(if whole { label as u8 } else { u8::MAX })
+        let value = slope * stored + inter;
+        let whole = value.fract() == 0.0 && (0.0..f64::from(u32::MAX)).contains(&value);
+        convert(whole.then_some(value as u32)?)
     })?;
     Ok(Volume { grid: source.grid, values })
 }

@@ -63,6 +63,20 @@ pub fn write_labels(path: &Path, labels: &LabelMap, version: Version) -> Result<
     save(path, &header, &labels.values, |tissue: Tissue, bytes| bytes.push(tissue.label()))
 }
 
+/// Writes numbers of labels as `uint16`; else as [`write()`].
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_raw_labels(
+    path: &Path,
+    labels: &Volume<u16>,
+    version: Version,
+) -> Result<(), NiftiError> {
+    let header =
+        header(&labels.grid, VoxelType::U16, version, [1.0, 0.0]).map_err(|w| w.at(path))?;
+    save(path, &header, &labels.values, |value: u16, bytes| bytes.extend(value.to_le_bytes()))
+}
+
 /// Slope and intercept that bring values into an integer range.
 fn scaling(values: &[f32], low: f64, high: f64) -> (f64, f64) {
     let fits = |v: &f32| v.fract() == 0.0 && (low..=high).contains(&f64::from(*v));

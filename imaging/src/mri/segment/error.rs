@@ -54,7 +54,7 @@ pub enum SegmentError {
     Empty,
     /// There is a body, but no bright fat in front of darker muscle.
     #[error(
-        "no chest wall found: expected bright fat in front of dark muscle; give an image without fat suppression, a `body_frame` if the body is turned, or finished labels"
+        "no chest wall found: expected bright fat in front of dark muscle; give an image without fat suppression, a `body_frame` if the body is turned, scribbles or finished labels"
     )]
     NoChestWall,
     /// There is a body and a chest wall, but nothing in front of it.
@@ -62,6 +62,21 @@ pub enum SegmentError {
         "no breast protrudes from the chest wall; check the orientation of the image or give finished labels"
     )]
     NoBreast,
+    /// Scribbles are not of this image.
+    #[error("scribbles lie on another grid than the image; draw them on the image itself")]
+    ScribblesElsewhere,
+    /// Nothing is marked.
+    #[error("no voxel of the scribbles is marked; mark some of each tissue, or leave the key out")]
+    ScribblesEmpty,
+    /// Another contrast cannot be learnt from what is marked.
+    #[error(
+        "scribbles: fat is not brighter than muscle and gland in this image; to learn its contrast five \
+         voxels and more of each class must be marked; missing: {missing}"
+    )]
+    ScribblesMissing {
+        /// Classes with their labels.
+        missing: String,
+    },
     /// A breast continues beyond the image.
     #[error("the {} breast is cut by the {border} border of the image; give a scan that holds all of it, or finished labels", side.name())]
     BreastCut {

@@ -3,16 +3,15 @@
 use super::body::{self, Body};
 use super::depth;
 use super::limits::{BodyLimits, height_range};
+use super::scribble::Marks;
 use super::shading::Shaded;
 use super::tissue::{self, Classes};
 use super::wall::Wall;
+use crate::mri::skin::RESOLVED_MM;
 use mammotwin_data::labels::Tissue;
-use mammotwin_data::volume::Volume;
+use mammotwin_data::volume::{Grid, Volume};
 use mammotwin_data::{Vec3, labels::LabelMap};
 use rayon::prelude::*;
-
-/// Voxels up to this size (mm) tell skin from fat.
-const RESOLVES_SKIN_MM: f64 = 1.3;
 
 /// Where a voxel is; `Breast` is divided into tissues afterwards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,18 +66,34 @@ pub(super) fn body_mask(
     });
     // Noise beside the body: the majority of a neighbourhood in the slice decides, and what does not
     // hang together with the body is none.
-    let [ni, nj, _] = grid.shape;
+    let plane = slice_axes(grid);
     let noisy = mask.clone();
-    mask.par_chunks_mut(slice).zip(noisy.par_chunks(slice)).for_each(|(mask, noisy)| {
-        for j in 1..nj - 1 {
-            for i in 1..ni - 1 {
-                let row = |j: usize| noisy[j * ni + i - 1..j * ni + i + 2].iter();
-                let around = row(j - 1).chain(row(j)).chain(row(j + 1));
-                mask[j * ni + i] = around.filter(|inside| **inside).count() > 4;
+    mask.par_chunks_mut(slice).enumerate().for_each(|(k, mask)| {
+        for (n, inside) in mask.iter_mut().enumerate() {
+            let n = k * slice + n;
+            let voxel = grid.voxel(n);
+            if plane.iter().all(|&(axis, _)| voxel[axis] > 0 && voxel[axis] + 1 < grid.shape[axis])
+            {
+                let [(_, a), (_, b)] = plane;
+                let row = |middle: usize| [middle - a, middle, middle + a];
+                let around = [row(n - b), row(n), row(n + b)];
+                *inside = around.iter().flatten().filter(|&&m| noisy[m]).count() > 4;
             }
         }
     });
     body::largest_component(&mask, grid.shape).unwrap_or(mask)
+}
+
+/// The two axes along a slice, with the way in the values from a voxel to its neighbour. Slices are
+/// across the axis of the longest voxel edge; of equal edges, the one most along the body.
+fn slice_axes(grid: &Grid) -> [(usize, usize); 2] {
+    let spacing = grid.spacing_mm();
+    let longest = spacing.into_iter().fold(0.0, f64::max);
+    let upright = |axis: usize| grid.axes[(2, axis)].abs() / spacing[axis];
+    let long = (0..3).filter(|&axis| spacing[axis] > 0.999 * longest);
+    let across = long.max_by(|&a, &b| upright(a).total_cmp(&upright(b))).unwrap_or(2);
+    let [ni, nj, _] = grid.shape;
+    [(across + 1) % 3, (across + 2) % 3].map(|axis| (axis, [1, ni, ni * nj][axis]))
 }
 
 /// Index of the nearest voxel of a grid along the body's axes.
@@ -97,6 +112,7 @@ pub(super) fn assign(
     mask: &[bool],
     wall: &Wall,
     limits: &BodyLimits,
+    marks: &Marks,
     skin_mm: f64,
 ) -> (LabelMap, Classes) {
     let grid = &brightness.grid;
@@ -141,10 +157,10 @@ pub(super) fn assign(
     let deep = (0..grid.len())
         .filter(|&n| places[n] == Place::Breast && depth[n] > skin_depth + 2.0)
         .map(|n| brightness.values[n]);
-    let classes = tissue::classify(deep);
+    let classes = marks.classes(brightness, tissue::classify(deep));
     // Fine voxels show how thick skin is: under the first layer, only what is darker than fat.
     let coarsest = grid.spacing_mm().into_iter().fold(0.0, f64::max);
-    let resolved = coarsest <= RESOLVES_SKIN_MM;
+    let resolved = coarsest <= RESOLVED_MM;
     let first_layer = 1.01 * coarsest as f32;
     let is_skin = |n: usize, classes: &Classes| {
         let dark = f64::from(brightness.values[n]) < 0.75 * classes.fat;
@@ -188,5 +204,6 @@ pub(super) fn assign(
             };
         }
     });
+    marks.hold(&mut labels);
     (Volume { grid: grid.clone(), values: labels }, classes)
 }

@@ -4,7 +4,7 @@
 //! around it, `shading` learns how bright fat is at each place, `wall` finds the chest wall as
 //! a smooth optimal surface (`search`) over a map about the thorax' axis (`polar`),
 //! `limits` says where the breasts end, `tissue` parts gland and fat, and `label` writes it
-//! all on the image's own grid.
+//! all on the image's own grid. What a person marked teaches and binds them (`scribble`).
 //!
 //! The breasts end by convention: at the sternal plane of symmetry, at the lateral plane through
 //! the thorax' mid-depth (mid-axillary line), and 12 mm above and below where the tissue in front of
@@ -20,16 +20,13 @@ mod frame;
 mod label;
 mod limits;
 mod polar;
+mod scribble;
 mod search;
 mod shading;
 mod tissue;
 mod wall;
 
-#[cfg(test)]
-mod phantom;
-#[cfg(test)]
-mod tests;
-
+pub(super) use body::neighbours;
 pub(super) use depth::distance_to_outside;
 pub use error::{Border, SegmentError, Warning};
 pub use tissue::Classes;
@@ -37,11 +34,12 @@ pub use wall::NOMINAL_MUSCLE_MM;
 
 use frame::Frame;
 use mammotwin_data::Vec3;
-use mammotwin_data::labels::{LabelMap, Side};
+use mammotwin_data::labels::{LabelMap, Scribbles, Side};
 use mammotwin_data::progress::Progress;
 use mammotwin_data::rigid::RigidTransform;
 use mammotwin_data::surface::TriMesh;
 use mammotwin_data::volume::{Grid, Volume};
+use scribble::Marks;
 use shading::Shaded;
 
 /// How to segment.
@@ -114,6 +112,17 @@ pub fn segment(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Segmentation, SegmentError> {
+    segment_marked(image, None, options, progress)
+}
+
+/// As [`segment`], with what a person marked: the brightness of the tissues is learnt from it, which
+/// other contrasts need, and it holds.
+pub fn segment_marked(
+    image: &Volume<f32>,
+    scribbles: Option<&Scribbles>,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Segmentation, SegmentError> {
     let shape = image.grid.shape;
     let grid_error = SegmentError::Grid { shape };
     if shape.iter().any(|&n| n < 8) {
@@ -124,6 +133,10 @@ pub fn segment(
         return Err(SegmentError::NotFinite { voxel, value: image.values[n] });
     }
     let frame = Frame::new(&image.grid, &options.body_frame).ok_or(grid_error)?;
+
+    let marks = Marks::new(scribbles, image, &frame)?;
+    let recoloured = marks.recoloured(image, &frame)?;
+    let image = recoloured.as_ref().unwrap_or(image);
 
     progress.report(0.0, "resampling along the body's axes");
     let grid = frame.work_grid(options.work_spacing_mm);
@@ -153,7 +166,7 @@ pub fn segment(
     let shaded = Shaded { image, frame: &frame, field: &field };
 
     progress.report(0.5, "chest wall");
-    let wall = wall::find(&work, &shaded, &body).ok_or(SegmentError::NoChestWall)?;
+    let wall = wall::find(&work, &shaded, &body, &marks).ok_or(SegmentError::NoChestWall)?;
 
     progress.report(0.7, "breast limits");
     let limits = limits::find(&wall).ok_or(SegmentError::NoBreast)?;
@@ -163,7 +176,7 @@ pub fn segment(
     let brightness = label::brightness(&shaded);
     let mask = label::body_mask(&shaded, &brightness, &work, &body);
     let (labels, classes) =
-        label::assign(&shaded, &brightness, &mask, &wall, &limits, options.skin_mm);
+        label::assign(&shaded, &brightness, &mask, &wall, &limits, &marks, options.skin_mm);
 
     border::check_faces(&labels, &frame, &limits)?;
 

@@ -4,6 +4,7 @@ use super::body::{self, Body};
 use super::filter;
 use super::frame::sample_clamped;
 use super::polar::Polar;
+use super::scribble::{Bounds, Marks};
 use super::search::{Columns, optimal_surface, smooth_map};
 use super::shading::Shaded;
 use mammotwin_data::Vec3;
@@ -43,6 +44,10 @@ const THINNEST_COVER_MM: f32 = 3.0;
 const COVER_OF_PRIOR_MM: f64 = 8.0;
 /// Half width (mm) of the band around the prior in which the wall is searched.
 const BAND_MM: f64 = 24.0;
+/// Cost of passing a mark on its wrong side: several times what the image has to say.
+const WRONG_SIDE: f32 = 6.0;
+/// Weight of a mark over that of a clear edge.
+const MARKED: f32 = 10.0;
 /// Step (mm) of the search.
 const STEP_MM: f64 = 1.0;
 
@@ -89,7 +94,7 @@ impl Wall {
 
 /// Finds the wall. `work` is brightness in units of fat on the work grid, `fine` on the image.
 /// `None` if hardly any dark tissue lies under the fat.
-pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body) -> Option<Wall> {
+pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body, marks: &Marks) -> Option<Wall> {
     let grid = &work.grid;
     let spacing = grid.spacing_mm()[0];
     let high_z = grid.origin.z + (grid.shape[2] - 1) as f64 * spacing;
@@ -99,6 +104,7 @@ pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body) -> Option<Wal
         values: body.mask.iter().map(|&b| f32::from(u8::from(b))).collect(),
     };
     let surface = outermost(&polar, &tissue);
+    let bounds = marks.bounds(&polar);
     let fat_above = fat_above(work, body);
     let core = dark_core(work, &tissue, &fat_above);
     let mut outer_dark = outermost(&polar, &core);
@@ -113,15 +119,18 @@ pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body) -> Option<Wal
             outer_dark[column] = radius;
         }
     }
+    for column in (0..polar.len()).filter(|&column| bounds.tells(column)) {
+        outer_dark[column] = bounds.front(column, outer_dark[column]);
+    }
     let prior = near_elliptic(&polar, &outer_dark, &surface)?;
     fill_inside(&mut tissue, &polar, &prior, COVER_OF_PRIOR_MM);
-    let rough = search_front(&polar, work, &tissue, &prior, &surface, &fat_above);
-    let (mut front, contrast) = refine(&polar, fine, &rough);
+    let rough = search_front(&polar, work, &tissue, &prior, &surface, &fat_above, &bounds);
+    let (mut front, contrast) = refine(&polar, fine, &rough, &bounds);
     // Columns that leave the image inside of the body show no surface.
     for (front, surface) in front.iter_mut().zip(&surface).filter(|(_, surface)| **surface > 0.0) {
         *front = front.min(surface - THINNEST_COVER_MM).max(1.0);
     }
-    let (rear, rear_seen) = search_rear(&polar, fine, &front, &contrast);
+    let (rear, rear_seen) = search_rear(&polar, fine, &front, &contrast, &bounds);
     Some(Wall { polar, front, rear, surface, contrast, rear_seen, whole_back: body.whole_back })
 }
 
@@ -279,6 +288,7 @@ fn search_front(
     prior: &[f32],
     surface: &[f32],
     fat_above: &[f32],
+    bounds: &Bounds,
 ) -> Vec<f32> {
     let n_offset = (2.0 * BAND_MM / STEP_MM) as usize + 1;
     let (inner, outer) = (5usize, 17usize);
@@ -312,6 +322,9 @@ fn search_front(
             if radius > f64::from(surface[column]) - 4.0 {
                 *cost += 1.0;
             }
+            if bounds.front(column, radius as f32) != radius as f32 {
+                *cost += WRONG_SIDE;
+            }
         }
     });
     let [n_u, n_v] = polar.shape;
@@ -324,7 +337,7 @@ fn search_front(
 
 /// Half-way crossing between fat and muscle on the image itself, then a smooth surface through
 /// the columns that show one. Returns radii and contrasts (0..=1).
-fn refine(polar: &Polar, fine: &Shaded, rough: &[f32]) -> (Vec<f32>, Vec<f32>) {
+fn refine(polar: &Polar, fine: &Shaded, rough: &[f32], bounds: &Bounds) -> (Vec<f32>, Vec<f32>) {
     const STEP: f64 = 0.25;
     const HALF: usize = 24;
     let crossing = |column: usize| {
@@ -356,7 +369,7 @@ fn refine(polar: &Polar, fine: &Shaded, rough: &[f32]) -> (Vec<f32>, Vec<f32>) {
         best.map_or((rough[column], 0.0), |radius| (radius as f32, contrast))
     };
     let found: Vec<(f32, f32)> = (0..polar.len()).into_par_iter().map(crossing).collect();
-    let data: Vec<f32> = found.iter().map(|f| f.0).collect();
+    let mut data: Vec<f32> = found.iter().map(|f| f.0).collect();
     let contrast: Vec<f32> = found.iter().map(|f| f.1).collect();
     let mut weight: Vec<f32> = contrast.iter().map(|c| c.max(0.01)).collect();
     let mut front = data.clone();
@@ -365,7 +378,14 @@ fn refine(polar: &Polar, fine: &Shaded, rough: &[f32]) -> (Vec<f32>, Vec<f32>) {
         for n in 0..weight.len() {
             let ratio = (data[n] - front[n]) / scale_mm;
             weight[n] = contrast[n].max(0.01) * (1.0 - ratio * ratio).max(1e-3).powi(2);
+            let held = bounds.front(n, front[n]);
+            if held != front[n] {
+                (data[n], weight[n]) = (held, MARKED);
+            }
         }
+    }
+    for (n, front) in front.iter_mut().enumerate() {
+        *front = bounds.front(n, *front);
     }
     (front, contrast)
 }
@@ -392,7 +412,13 @@ fn half_axes(polar: &Polar, front: &[f32]) -> [f64; 3] {
 /// Rear of the muscle: a smooth surface behind the front where it gets brighter again (fat between
 /// the ribs, marrow), at about its nominal thickness; which it has where nothing is seen. Returns
 /// radii and the fraction of columns that show it.
-fn search_rear(polar: &Polar, fine: &Shaded, front: &[f32], contrast: &[f32]) -> (Vec<f32>, f64) {
+fn search_rear(
+    polar: &Polar,
+    fine: &Shaded,
+    front: &[f32],
+    contrast: &[f32],
+    bounds: &Bounds,
+) -> (Vec<f32>, f64) {
     const PER_MM: f32 = 0.08;
     let (thinnest, n_offset) = (3usize, 13usize);
     let thickness = |n: usize| (thinnest + n) as f32;
@@ -435,7 +461,23 @@ fn search_rear(polar: &Polar, fine: &Shaded, front: &[f32], contrast: &[f32]) ->
             n_seen += 1;
         }
     }
-    let smooth = smooth_map(&data, &weight, polar.shape, [20.0, 20.0]);
-    let rear = (0..polar.len()).map(|c| front[c] - smooth[c].clamp(2.0, 20.0)).collect();
+    let mut smooth = smooth_map(&data, &weight, polar.shape, [20.0, 20.0]);
+    let rear = |smooth: &[f32], c: usize| front[c] - smooth[c].clamp(2.0, 20.0);
+    let wrong = |smooth: &[f32], c: usize| {
+        let radius = rear(smooth, c);
+        let held = bounds.rear(c, radius);
+        (held != radius).then_some(front[c] - held)
+    };
+    let mut moved = false;
+    for column in 0..polar.len() {
+        if let Some(thickness) = wrong(&smooth, column) {
+            (data[column], weight[column]) = (thickness, MARKED);
+            moved = true;
+        }
+    }
+    if moved {
+        smooth = smooth_map(&data, &weight, polar.shape, [20.0, 20.0]);
+    }
+    let rear = (0..polar.len()).map(|c| bounds.rear(c, rear(&smooth, c)).min(front[c])).collect();
     (rear, f64::from(n_seen) / polar.len() as f64)
 }

@@ -1,4 +1,6 @@
-//! An analytic chest for the tests of this folder: its wall and its tissues are known.
+//! An analytic chest: its wall, its tissues and the shading of its images are known.
+
+#![allow(dead_code)] // each test takes what it needs
 
 use mammotwin_data::Vec3;
 use mammotwin_data::labels::Tissue;
@@ -28,6 +30,17 @@ pub enum Gland {
     Retracted,
     /// Down to the muscle.
     TouchesMuscle,
+}
+
+/// How bright the tissues are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Contrast {
+    /// T2 weighted: fat is bright.
+    BrightFat,
+    /// The same, but gland is as dark as muscle.
+    DarkGland,
+    /// Fat suppressed: fat is darker than all but air and lung.
+    FatSuppressed,
 }
 
 /// Signed distance (mm, first order) to the front of the muscle; positive outside.
@@ -78,36 +91,56 @@ pub fn tissue(p: &Vec3, gland: Gland) -> Tissue {
     }
 }
 
-/// Signal relative to fat.
-fn signal(p: &Vec3, gland: Gland) -> f64 {
+/// Signal; 1 is the brightest tissue.
+fn signal(p: &Vec3, gland: Gland, contrast: Contrast) -> f64 {
+    let [fat, glandular, skin, muscle] = match contrast {
+        Contrast::BrightFat => [1.0, 0.42, 0.36, 0.17],
+        Contrast::DarkGland => [1.0, 0.2, 0.36, 0.17],
+        Contrast::FatSuppressed => [0.18, 1.0, 0.55, 0.45],
+    };
     match tissue(p, gland) {
         Tissue::Background => 0.0,
-        Tissue::Skin => 0.36,
-        Tissue::PectoralMuscle => 0.17,
-        Tissue::FibroglandularRight | Tissue::FibroglandularLeft => 0.42,
-        Tissue::Other if depth(p) < SKIN_MM => 0.36,
-        Tissue::Thorax => thorax(p),
-        _ => 1.0,
+        Tissue::Skin => skin,
+        Tissue::PectoralMuscle => muscle,
+        Tissue::FibroglandularRight | Tissue::FibroglandularLeft => glandular,
+        Tissue::Other if depth(p) < SKIN_MM => skin,
+        Tissue::Thorax => thorax(p, fat, muscle),
+        _ => fat,
     }
 }
 
 /// Chest wall muscle with fat behind and ribs in it, then lungs.
-fn thorax(p: &Vec3) -> f64 {
+fn thorax(p: &Vec3, fat: f64, muscle: f64) -> f64 {
     let behind = -from_wall(p);
     let rib = (p.z / 24.0).fract().abs() < 0.4;
     match behind {
-        b if b < 9.0 => 0.17,
-        b if b < 12.0 => 0.8,
+        b if b < 9.0 => muscle,
+        b if b < 12.0 => 0.8 * fat,
         b if b < 14.0 => 0.1,
-        b if b < 19.0 && rib => 0.7,
+        b if b < 19.0 && rib => 0.7 * fat,
         b if b < 21.0 => 0.1,
         _ => 0.04,
     }
 }
 
+/// Image value of the brightest tissue under the coils, in the chest's own axes: falls off to the rear.
+pub fn shading(p: &Vec3) -> f64 {
+    700.0 * (0.3 + 0.9 / (1.0 + ((p.y - 130.0) / 90.0).powi(2)) + 0.001 * p.x)
+}
+
+/// [`picture_of`] in bright fat.
+pub fn picture(
+    spacing_mm: f64,
+    gland: Gland,
+    pose: &RigidTransform,
+) -> (Volume<f32>, Volume<Tissue>) {
+    picture_of(Contrast::BrightFat, spacing_mm, gland, pose)
+}
+
 /// Image of the chest after `pose`, with shading that falls off to the rear, and Rician noise.
 /// With the tissue at each voxel's centre.
-pub fn picture(
+pub fn picture_of(
+    contrast: Contrast,
     spacing_mm: f64,
     gland: Gland,
     pose: &RigidTransform,
@@ -122,10 +155,9 @@ pub fn picture(
         let mut sum = 0.0;
         for corner in 0..8 {
             let side = |axis: usize| ((corner >> axis & 1) as f64 - 0.5) * 0.5 * spacing_mm;
-            sum += signal(&(center + Vec3::new(side(0), side(1), side(2))), gland) / 8.0;
+            sum += signal(&(center + Vec3::new(side(0), side(1), side(2))), gland, contrast) / 8.0;
         }
-        let shading = 0.3 + 0.9 / (1.0 + ((center.y - 130.0) / 90.0).powi(2)) + 0.001 * center.x;
-        (tissue(&center, gland), 700.0 * shading * sum)
+        (tissue(&center, gland), shading(&center) * sum)
     };
     let samples: Vec<(Tissue, f64)> = (0..grid.len()).into_par_iter().map(sample).collect();
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(11);
@@ -136,4 +168,18 @@ pub fn picture(
     let values = samples.iter().map(|s| magnitude(s.1, &mut random)).collect();
     let labels = samples.iter().map(|s| s.0).collect();
     (Volume { grid: grid.clone(), values }, Volume { grid, values: labels })
+}
+
+/// Dice of a part of two label maps.
+pub fn dice(a: &Volume<Tissue>, b: &Volume<Tissue>, of: impl Fn(Tissue) -> bool) -> f64 {
+    let (mut both, mut sum) = (0.0, 0.0);
+    for (&a, &b) in a.values.iter().zip(&b.values) {
+        both += f64::from(u8::from(of(a) && of(b)));
+        sum += f64::from(u8::from(of(a))) + f64::from(u8::from(of(b)));
+    }
+    2.0 * both / sum
+}
+
+pub fn is_gland(tissue: Tissue) -> bool {
+    matches!(tissue, Tissue::FibroglandularRight | Tissue::FibroglandularLeft)
 }

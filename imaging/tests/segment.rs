@@ -1,24 +1,19 @@
 //! The whole segmentation against chests whose truth is known.
 
-use super::phantom::{Gland, from_wall, picture};
-use super::{Border, Options, SegmentError, Segmentation, segment};
+#![allow(clippy::unwrap_used)] // a test may fail at once
+
+mod phantom;
+
 use mammotwin_data::Vec3;
 use mammotwin_data::labels::{Side, Tissue};
 use mammotwin_data::progress::Silent;
 use mammotwin_data::rigid::RigidTransform;
 use mammotwin_data::volume::{Grid, Volume};
+use mammotwin_imaging::mri::segment::{Border, Options, SegmentError, Segmentation, segment};
+use phantom::{Gland, dice, from_wall, is_gland, picture};
 
 /// Voxels (mm) of the tests' pictures.
 const VOXEL_MM: f64 = 2.5;
-
-fn dice(a: &Volume<Tissue>, b: &Volume<Tissue>, of: impl Fn(Tissue) -> bool) -> f64 {
-    let (mut both, mut sum) = (0.0, 0.0);
-    for (&a, &b) in a.values.iter().zip(&b.values) {
-        both += f64::from(u8::from(of(a) && of(b)));
-        sum += f64::from(u8::from(of(a))) + f64::from(u8::from(of(b)));
-    }
-    2.0 * both / sum
-}
 
 /// 95th percentile of the distance (mm) of the found wall to the true one, before the breasts.
 fn wall_error(found: &Segmentation, to_body: &RigidTransform) -> f64 {
@@ -33,10 +28,6 @@ fn wall_error(found: &Segmentation, to_body: &RigidTransform) -> f64 {
     errors.sort_by(f64::total_cmp);
     assert!(errors.len() > 2000);
     errors[errors.len() * 95 / 100]
-}
-
-fn is_gland(tissue: Tissue) -> bool {
-    matches!(tissue, Tissue::FibroglandularRight | Tissue::FibroglandularLeft)
 }
 
 #[track_caller]
