@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 /// Loads what can be compared with a truth; fails when a result is not computed yet.
 pub fn estimates(outcome: &Outcome) -> Result<Estimates, Failure> {
     let mut found = Estimates { reference: outcome.reference.clone(), ..Estimates::default() };
-    for (name, pose) in &outcome.poses {
+    for (name, pose) in &outcome.measured.images {
         let (labels, surfaces) = (pose.labels.load()?, pose.surfaces.load()?);
         let parts = [
             ("skin", labels.map(|tissue| tissue != Tissue::Background), &surfaces.skin),

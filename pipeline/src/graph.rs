@@ -2,18 +2,19 @@
 
 mod fiducials;
 mod labels;
+mod measured;
+
+pub(crate) use measured::{Fitted, fitted, measured};
+pub use measured::{Measured, PoseOutcome, ScanOutcome, Target};
 
 use mammotwin_data::{
     Failure,
     io::dicom::Intent,
-    labels::LabelMap,
     store::{Entry, Run, Stored},
     study::{CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
     surface::TriMesh,
-    volume::Volume,
 };
 use mammotwin_stages::{
-    align::{Align, Start},
     calibrate::{Calibrate, Calibration},
     clamp::Clamp,
     comfort::Comfort,
@@ -27,23 +28,17 @@ use mammotwin_stages::{
     fiducials::Fiducials,
     gland::Gland,
     mammogram::{Mammogram, Mammograms},
-    measure::{Measure, PoseMeasures},
     mesh::{BreastMesh, Mesh},
     monte_carlo::MonteCarlo,
     phantom::{CompressedPhantom, Phantom},
-    pictures::{Pictures, PosePictures},
     quality::{Metrics, Quality},
-    register::{Register, Registered},
     results::{Provenance, StageRecord},
-    surface::{PoseSurfaces, Surface},
     validate::{Validate, Validation},
 };
 use std::collections::BTreeMap;
 
 /// Seed of everything random in a run: shapes of microcalcifications and quantum noise.
 const SEED: u64 = 1;
-/// Pixel size (mm) of the cuts in the report.
-const CUT_MM: f64 = 1.0;
 /// Voxel size (mm) of the phantom's labels.
 const LABEL_MM: f64 = 0.5;
 /// What the thesis calls a limit of its own: said in every report.
@@ -62,8 +57,8 @@ const FORCES: &str = "Forces and pressures come out far below measured ones, by 
 pub struct Outcome {
     /// Name of the reference pose.
     pub reference: String,
-    /// By pose name.
-    pub poses: BTreeMap<String, PoseOutcome>,
+    /// What was measured.
+    pub measured: Measured,
     /// Tetrahedra of the reference pose.
     pub mesh: Stored<BreastMesh>,
     /// Stress-free shape and moduli.
@@ -91,23 +86,6 @@ pub struct Squeezed {
     pub mammograms: Option<Stored<Mammograms>>,
     /// Comfort, image quality and dose.
     pub metrics: Vec<Stored<Metrics>>,
-}
-
-/// Handles on what was made of one image.
-#[derive(Debug, Clone)]
-pub struct PoseOutcome {
-    /// The image itself.
-    pub scan: Stored<Volume<f32>>,
-    /// Its labels.
-    pub labels: Stored<LabelMap>,
-    /// Its surfaces.
-    pub surfaces: Stored<PoseSurfaces>,
-    /// How it lies to the reference pose; `None` for the reference pose.
-    pub registered: Option<Stored<Registered>>,
-    /// Volumes, protrusion, nipples and skin of its breasts.
-    pub measures: Stored<PoseMeasures>,
-    /// Cuts for the report.
-    pub pictures: Stored<PosePictures>,
 }
 
 /// Calls the stages of a study.
@@ -145,12 +123,12 @@ pub fn remeshed(
     run: &Run<'_>,
 ) -> Result<Vec<Result<Stored<Compression>, String>>, Failure> {
     let reference = study.reference_pose().to_owned();
-    let poses = images(study, &reference, run)?;
+    let measured = measured(study, &reference, run)?;
     let one = |(label, meshing): &(String, MeshPlan)| {
-        let (mesh, calibration) = calibrated(study, *meshing, &poses, label, run)?;
+        let (mesh, calibration) = calibrated(study, *meshing, &measured, label, run)?;
         let squeezed = Outcome {
             reference: reference.clone(),
-            poses: poses.clone(),
+            measured: measured.clone(),
             mesh,
             calibration,
             validations: BTreeMap::new(),
@@ -166,55 +144,38 @@ pub fn remeshed(
     meshings.iter().map(named).collect()
 }
 
-/// The poses that a fit reads, but the reference pose.
-pub(crate) struct Fitted {
-    pub names: Vec<String>,
-    pub motions: Vec<Stored<Registered>>,
-    pub surfaces: Vec<Stored<PoseSurfaces>>,
-}
-
-pub(crate) fn fitted(study: &Study, poses: &BTreeMap<String, PoseOutcome>) -> Fitted {
-    let mut found = Fitted { names: Vec::new(), motions: Vec::new(), surfaces: Vec::new() };
-    for (name, pose) in poses {
-        if let (Some(registered), Use::Fit) = (&pose.registered, study.poses[name].usage) {
-            found.names.push(name.clone());
-            found.motions.push(registered.clone());
-            found.surfaces.push(pose.surfaces.clone());
-        }
-    }
-    found
-}
-
 /// From images to stress-free shape and moduli.
 pub(crate) fn body(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     let reference = study.reference_pose().to_owned();
-    let poses = images(study, &reference, run)?;
-    let (mesh, calibration) = calibrated(study, study.mesh, &poses, "", run)?;
+    let measured = measured(study, &reference, run)?;
+    let (mesh, calibration) = calibrated(study, study.mesh, &measured, "", run)?;
 
     let mut validations = BTreeMap::new();
-    for (name, pose) in &poses {
-        if let (Some(registered), Use::Validate) = (&pose.registered, study.poses[name].usage) {
+    for target in measured.targets(study) {
+        let Target { name, usage, registered, surfaces } = target;
+        if usage == Use::Validate {
             let validate = Validate { model: study.model.clone(), pose: name.clone() };
-            let inputs = (&mesh, &calibration, registered, &pose.surfaces);
+            let inputs = (&mesh, &calibration, registered, surfaces);
             validations.insert(name.clone(), run.stage(name, &validate, inputs)?);
         }
     }
     let fitted = (&mesh, &calibration);
-    let fiducials = fiducials::fiducials(study, &poses, fitted, &validations, run)?;
-    Ok(Outcome { reference, poses, mesh, calibration, validations, fiducials, squeezed: None })
+    let fiducials = fiducials::fiducials(study, &measured.images, fitted, &validations, run)?;
+    Ok(Outcome { reference, measured, mesh, calibration, validations, fiducials, squeezed: None })
 }
 
 /// The mesh of the reference pose, stress-free shape and moduli, with elements of one's own choice.
 fn calibrated(
     study: &Study,
     meshing: MeshPlan,
-    poses: &BTreeMap<String, PoseOutcome>,
+    measured: &Measured,
     label: &str,
     run: &Run<'_>,
 ) -> Result<(Stored<BreastMesh>, Stored<Calibration>), Failure> {
     let reference = study.reference_pose();
-    let mesh = run.stage(label, &Mesh(meshing), &poses[reference].labels)?;
-    let Fitted { names, motions, surfaces } = fitted(study, poses);
+    let first = &measured.images[reference];
+    let mesh = run.stage(label, &Mesh(meshing), &first.labels)?;
+    let Fitted { names, motions, surfaces } = fitted(study, measured);
     let calibrate = Calibrate {
         model: study.model.clone(),
         plan: study.calibrate.clone(),
@@ -222,7 +183,7 @@ fn calibrated(
         reference: reference.into(),
         poses: names,
     };
-    let inputs = (&mesh, &poses[reference].surfaces, &motions[..], &surfaces[..]);
+    let inputs = (&mesh, &first.surfaces, &motions[..], &surfaces[..]);
     let calibration = run.stage(label, &calibrate, inputs)?;
     Ok((mesh, calibration))
 }
@@ -247,24 +208,17 @@ pub fn discover(
     effects: &[&'static Effect],
     run: &Run<'_>,
 ) -> Result<Found, Failure> {
-    let Outcome { reference, poses, mesh, calibration, .. } = self::run(study, run)?;
+    let Outcome { reference, measured, mesh, calibration, .. } = self::run(study, run)?;
     let (meshing, mesh, calibration) = match study.mesh.elements {
         Elements::Quadratic => (study.mesh, mesh, calibration),
         Elements::Linear => {
             let size_mm = QUADRATIC_EDGE * study.mesh.size_mm;
             let meshing = MeshPlan { size_mm, elements: Elements::Quadratic };
-            let (mesh, calibration) = calibrated(study, meshing, &poses, "quadratic", run)?;
+            let (mesh, calibration) = calibrated(study, meshing, &measured, "quadratic", run)?;
             (meshing, mesh, calibration)
         }
     };
-    let (mut names, mut motions, mut surfaces) = (Vec::new(), Vec::new(), Vec::new());
-    for (name, pose) in &poses {
-        if let Some(registered) = &pose.registered {
-            names.push(name.clone());
-            motions.push(registered.clone());
-            surfaces.push(pose.surfaces.clone());
-        }
-    }
+    let Fitted { names, motions, surfaces } = Fitted::of(measured.targets(study).into_iter());
     let gather = Gather {
         model: study.model.clone(),
         calibrate: study.calibrate.clone(),
@@ -274,7 +228,7 @@ pub fn discover(
         reference: reference.clone(),
         effects: effects.iter().map(|effect| effect.name).collect(),
     };
-    let first = &poses[&reference];
+    let first = &measured.images[&reference];
     let inputs = (&first.labels, &first.surfaces, &mesh, &calibration, &motions[..], &surfaces[..]);
     let evidence = run.stage("", &gather, inputs)?;
     let discover = Discover { gather, held_out: held_out.into() };
@@ -293,12 +247,11 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
     let metrics = part.map_or(&[][..], |part| &part.metrics);
     let phantom = part.and_then(|part| part.phantom.as_ref());
 
-    let moving = outcome.poses.iter().filter_map(|(name, pose)| {
-        pose.registered.clone().map(|registered| (name.clone(), registered))
-    });
-    let (moving, moved): (Vec<String>, Vec<_>) = moving.unzip();
-    let measured = outcome.poses.keys().cloned().collect();
-    let measures: Vec<_> = outcome.poses.values().map(|pose| pose.measures.clone()).collect();
+    let Fitted { names: moving, motions: moved, .. } =
+        Fitted::of(outcome.measured.targets(study).into_iter());
+    let images = &outcome.measured.images;
+    let measured = images.keys().cloned().collect();
+    let measures: Vec<_> = images.values().map(|pose| pose.measures.clone()).collect();
     let deliver =
         Deliver { study: study.without_files(), moving, measured, provenance: provenance.clone() };
     let squeezed = part.map(|part| &part.compression);
@@ -309,18 +262,18 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
     run.export("results.h5", &results)?;
 
     // The reference pose first.
-    let mut names: Vec<&String> = outcome.poses.keys().collect();
+    let mut names: Vec<&String> = images.keys().collect();
     names.sort_by_key(|name| **name != outcome.reference);
-    let of = |name: &&String| &outcome.poses[*name];
+    let of = |name: &&String| &images[*name];
     let pictures: Vec<_> = names.iter().map(|n| of(n).pictures.clone()).collect();
     let surfaces: Vec<_> = names.iter().map(|n| of(n).surfaces.clone()).collect();
     let measures: Vec<_> = names.iter().map(|n| of(n).measures.clone()).collect();
     let motions: Vec<_> = names.iter().filter_map(|n| of(n).registered.clone()).collect();
     let mut warnings = vec![NO_DEVICE.to_owned()];
-    for name in &names {
-        let text = study.poses[*name].warning.as_ref();
-        warnings.extend(text.map(|text| format!("{name}: {text}")));
-    }
+    let said = study.poses.iter().map(|(name, pose)| (name, &pose.warning));
+    let scanned = study.scans.iter().map(|(name, scan)| (name, &scan.warning));
+    let said = said.chain(scanned).filter_map(|(name, text)| Some((name, text.as_ref()?)));
+    warnings.extend(said.map(|(name, text)| format!("{name}: {text}")));
     let limits = [
         (study.calibrate.parameters.is_empty(), NOT_FITTED),
         (validations.is_empty(), NOT_VALIDATED),
@@ -401,68 +354,13 @@ fn provenance(run: &Run<'_>) -> Provenance {
     }
 }
 
-/// Labels, surfaces and rigid motions of all images.
-pub(crate) fn images(
-    study: &Study,
-    reference: &str,
-    run: &Run<'_>,
-) -> Result<BTreeMap<String, PoseOutcome>, Failure> {
-    let landmarks = |name: &str| fiducials::landmarks(study, name, run);
-    let reference_landmarks = landmarks(reference)?;
-    let mut scans = BTreeMap::new();
-    for (name, pose) in &study.poses {
-        let scan: Stored<Volume<f32>> =
-            run.external(&format!("poses.{name}.image"), &pose.image)?;
-        scans.insert(name.clone(), scan);
-    }
-    // The reference pose first: the others are registered to it.
-    let mut order: Vec<&String> = study.poses.keys().collect();
-    order.sort_by_key(|name| *name != reference);
-    let mut poses: BTreeMap<String, PoseOutcome> = BTreeMap::new();
-    for name in order {
-        let (pose, scan) = (&study.poses[name], scans[name].clone());
-        let gravity_in_image = gravity(name, pose)?;
-        let own = if name == reference { reference_landmarks.clone() } else { landmarks(name)? };
-        let start: Option<Stored<Start>> = match poses.get(reference) {
-            None => None,
-            Some(fixed) => {
-                let images = (&fixed.scan, &fixed.labels, &scan);
-                let marks = (reference_landmarks.as_ref(), own.as_ref());
-                Some(run.stage(name, &Align, (marks.0, marks.1, images))?)
-            }
-        };
-        let labels = labels::of_pose(name, pose, &scan, start.as_ref(), run)?;
-        let surfaces = run.stage(name, &Surface::default(), &labels)?;
-        let registered = match (&start, poses.get(reference)) {
-            (Some(start), Some(fixed)) => {
-                let register = Register { gravity_in_image };
-                let both = (
-                    (&fixed.scan, &fixed.labels, &fixed.surfaces),
-                    (&scan, &labels, &surfaces),
-                    start,
-                );
-                Some(run.stage(name, &register, both)?)
-            }
-            _ => None,
-        };
-        let inputs = (&scan, &labels, &surfaces, own.as_ref(), registered.as_ref());
-        let measures = run.stage(name, &Measure, inputs)?;
-        let pictures = Pictures { mm_per_pixel: CUT_MM };
-        let fixed = registered.as_ref().and(poses.get(reference)).map(|fixed| &fixed.scan);
-        let pictures = run.stage(name, &pictures, (&scan, &labels, fixed, registered.as_ref()))?;
-        let pose = PoseOutcome { scan, labels, surfaces, registered, measures, pictures };
-        poses.insert(name.clone(), pose);
-    }
-    Ok(poses)
-}
-
 /// Compression, picture and metrics.
 fn squeeze(
     study: &Study,
     plan: &CompressPlan,
     label: &str,
     run: &Run<'_>,
-    Outcome { reference, poses, mesh, calibration, .. }: &Outcome,
+    Outcome { reference, measured, mesh, calibration, .. }: &Outcome,
 ) -> Result<Squeezed, Failure> {
     let cad: Option<Stored<TriMesh>> = match &plan.cad {
         Some(cad) => Some(run.external("compress.cad.file", &cad.file)?),
@@ -480,7 +378,7 @@ fn squeeze(
     if let Some(plan) = &study.mammogram {
         let gland = match plan.gland {
             Where::Segmented => {
-                let inputs = (&poses[reference].labels, mesh, &compression);
+                let inputs = (&measured.images[reference].labels, mesh, &compression);
                 Some(run.stage(label, &Gland::default(), inputs)?)
             }
             Where::Uniform => None,

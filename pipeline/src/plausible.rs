@@ -10,7 +10,9 @@ use mammotwin_data::{
     },
     labels::{LabelMap, Scribbles, Tissue},
     landmarks::Landmarks,
-    study::{CompressPlan, Pose, Study},
+    store::Artifact,
+    study::{CompressPlan, Pose, Scan, Study},
+    surface::TriMesh,
     volume::{Grid, Volume},
 };
 use mammotwin_solver::paddles::CadPaddle;
@@ -44,6 +46,8 @@ pub struct Finding {
 const SPACING_MM: [f64; 2] = [0.1, 10.0];
 /// Extents that an image of both breasts has (mm).
 const EXTENT_MM: [f64; 2] = [50.0, 1000.0];
+/// Extents that a scan of both breasts has (mm): a whole person may be in it.
+const SCAN_MM: [f64; 2] = [200.0, 2500.0];
 /// Number of chest-wall landmarks that a rigid registration starts from.
 const CHEST_LANDMARKS: usize = 3;
 
@@ -63,6 +67,7 @@ pub fn findings(study: &Study, base: &Path) -> Vec<Finding> {
         }
         found.append(&mut pose.found);
     }
+    found.extend(study.scans.iter().flat_map(|(name, plan)| scan(name, plan, base)));
     found.extend(common_landmarks(study, &marked));
     found.extend(missing_fiducials(study, &marked));
     if let Some(plan) = &study.compress {
@@ -71,6 +76,42 @@ pub fn findings(study: &Study, base: &Path) -> Vec<Finding> {
         found.extend(coarse(study.mesh.size_mm));
     }
     found
+}
+
+/// Whether the files of a scan can be read, and are in the stated units.
+fn scan(name: &str, plan: &Scan, base: &Path) -> [Finding; 2] {
+    let finding = |key: &str, (weight, text): (Weight, String)| Finding {
+        key: format!("scans.{name}.{key}"),
+        weight,
+        text,
+    };
+    let wrong = |cause: Failure| (Weight::Wrong, cause.to_string());
+    let surface = TriMesh::load(&base.join(&plan.surface)).map_or_else(wrong, |surface| {
+        let axis = |n: usize| surface.points.iter().map(move |p| p[n]);
+        let extent = |n| axis(n).fold(f64::MIN, f64::max) - axis(n).fold(f64::MAX, f64::min);
+        let largest = plan.unit.in_mm() * (0..3).map(extent).fold(0.0, f64::max);
+        let text = format!("{} triangles over {largest:.0} mm", surface.triangles.len());
+        match (SCAN_MM[0]..=SCAN_MM[1]).contains(&largest) {
+            true => (Weight::Good, text),
+            false => {
+                let [least, most] = SCAN_MM;
+                let why = format!(
+                    "{text}; a scan of both breasts has {least} to {most} mm: is unit right?"
+                );
+                (Weight::Wrong, why)
+            }
+        }
+    });
+    let marks = landmarks::read(&base.join(&plan.landmarks)).map_err(Failure::from);
+    let marks = marks.map_or_else(wrong, |marks| {
+        let chest = marks.0.keys().filter(|name| name.starts_with("chest_")).count();
+        let text = format!("{chest} landmarks chest_...");
+        match chest < CHEST_LANDMARKS {
+            true => (Weight::Wrong, format!("{text}; a scan is placed by three or more")),
+            false => (Weight::Good, text),
+        }
+    });
+    [finding("surface", surface), finding("landmarks", marks)]
 }
 
 /// Whether forces mean anything on such elements (docs/verification.md).

@@ -33,6 +33,7 @@ pub mod register;
 pub mod relabel;
 pub mod report;
 pub mod results;
+pub mod scan;
 pub mod search_box;
 pub mod segment;
 pub mod sensitivity;

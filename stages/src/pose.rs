@@ -4,6 +4,7 @@ use crate::{
     mesh::BreastMesh,
     model::{Body, Moduli},
     register::Registered,
+    scan,
     shape::Shape,
     surface::PoseSurfaces,
 };
@@ -91,6 +92,10 @@ impl PoseTarget {
     ) -> Result<Self, Failure> {
         let points = surfaces.skin.points.iter().map(|p| registered.transform.point(p)).collect();
         let skin = TriMesh { points, triangles: surfaces.skin.triangles.clone() };
+        // A scanner sees no chest wall, and perhaps not all of the skin.
+        if surfaces.chest_wall.triangles.is_empty() {
+            scan::covers(pose, &skin, &mesh.anatomy)?;
+        }
         let index = SurfaceIndex::new(&skin)
             .map_err(|cause| Failure::BadInput(format!("{pose}: measured skin: {cause}")))?;
         let cuts: Vec<Vec3> =

@@ -111,7 +111,7 @@ def test_the_keys_of_a_study_are_those_of_the_program(heading, keys, tmp_path):
     program = Path(os.environ.get("MAMMOTWIN", ROOT / "target/release/mammotwin")).resolve()
     if not program.exists():
         pytest.skip("no program")
-    names = {"The whole file": "", "poses.NAME": "poses.supine", "records.SIDE": "records.right"}
+    names = {"The whole file": "", "poses.NAME": "poses.supine", "scans.NAME": "scans.upright", "records.SIDE": "records.right"}
     names |= {"model.skin, model.fascia": "model.skin", "constants": "model.breast.constants"}
     table = names.get(heading, heading)
     lists = {"mammogram.masses"}

@@ -6,5 +6,6 @@ pub mod landmarks;
 pub mod metaimage;
 pub mod nifti;
 pub mod picture;
+pub mod ply;
 pub mod stl;
 pub mod torque;

@@ -6,7 +6,7 @@ use crate::{
     io::{
         landmarks,
         nifti::{self, Version, VoxelType},
-        stl,
+        ply, stl,
     },
     labels::{LabelMap, RawLabels, Scribbles},
     landmarks::Landmarks,
@@ -72,7 +72,10 @@ impl Artifact for TriMesh {
     }
 
     fn load(path: &Path) -> Result<Self, Failure> {
-        stl::read(path)
+        match path.extension() {
+            Some(extension) if extension.eq_ignore_ascii_case("ply") => ply::read(path),
+            _ => stl::read(path),
+        }
     }
 }
 

@@ -12,6 +12,7 @@ mod law;
 mod locate;
 mod mammogram;
 mod paddles;
+mod scan;
 mod validate;
 mod validate_clamp;
 mod validate_mammogram;
@@ -34,6 +35,7 @@ pub use mammogram::{
 pub use paddles::{
     BiopsyPlan, CadPlan, CushionPlan, EDGE_RADIUS_MM, OutlinePlan, SpotName, SpotPlan,
 };
+pub use scan::{Scan, ScanUnit};
 pub use validate::{CALIBRATED, EFFECTS, LIGAMENTS, StudyError, parse};
 
 use crate::{Vec3, labels::Side};
@@ -50,6 +52,9 @@ pub struct Study {
     pub subject: Subject,
     /// Images by pose name (`supine`, `prone`, `tilted`, ... ).
     pub poses: BTreeMap<String, Pose>,
+    /// Poses that were measured as surfaces, by pose name.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub scans: BTreeMap<String, Scan>,
     /// Mammography records by side.
     #[serde(default)]
     pub records: BTreeMap<Side, Record>,
@@ -80,12 +85,26 @@ impl Study {
         stated.or(supine).unwrap_or(first)
     }
 
+    /// Names of all poses, images before scans, and what they are for.
+    pub fn uses(&self) -> impl Iterator<Item = (&String, Use)> {
+        let images = self.poses.iter().map(|(name, pose)| (name, pose.usage));
+        images.chain(self.scans.iter().map(|(name, scan)| (name, scan.usage)))
+    }
+
+    /// What a pose is for; `None` when there is no such pose.
+    pub fn usage(&self, pose: &str) -> Option<Use> {
+        self.uses().find(|(name, _)| *name == pose).map(|(_, usage)| usage)
+    }
+
     /// The same study without the names of its files, which may name people.
     pub fn without_files(&self) -> Self {
         let mut study = self.clone();
         for pose in study.poses.values_mut() {
             (pose.image, pose.landmarks) = (PathBuf::new(), None);
             (pose.labels, pose.scribbles) = (None, None);
+        }
+        for scan in study.scans.values_mut() {
+            (scan.surface, scan.landmarks) = (PathBuf::new(), PathBuf::new());
         }
         study.compress = study.compress.map(CompressPlan::without_files);
         study

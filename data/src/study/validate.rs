@@ -2,9 +2,10 @@
 
 use super::{
     ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, ModelPlan, Pose, ReceptorName,
-    RegionPlan, Study, Use, View, locate::Places, validate_clamp, validate_mammogram,
+    RegionPlan, Scan, Study, Use, View, locate::Places, validate_clamp, validate_mammogram,
     validate_paddles, wording,
 };
+use crate::Vec3;
 use std::ops::Range;
 
 /// Ligaments that the model knows.
@@ -93,6 +94,9 @@ fn check(study: &Study) -> Checked {
     }
     plain_name("subject.id", &study.subject.id)?;
     poses(study)?;
+    for (name, scan) in &study.scans {
+        one_scan(study, name, scan)?;
+    }
     for (side, record) in &study.records {
         let path = format!("records.{}", side.name());
         within(&format!("{path}.force_n"), record.force_n, 0.1, 500.0)?;
@@ -102,7 +106,7 @@ fn check(study: &Study) -> Checked {
     within("mesh.size_mm", study.mesh.size_mm, 0.5, 50.0)?;
     known("calibrate.parameters", &study.calibrate.parameters, &CALIBRATED)?;
     if !study.calibrate.parameters.is_empty() {
-        let fitted = study.poses.values().filter(|pose| pose.usage == Use::Fit).count();
+        let fitted = study.uses().filter(|(_, usage)| *usage == Use::Fit).count();
         if fitted < 2 {
             let why = "needs two poses with use = \"fit\"; add a pose or empty the list";
             return refuse("calibrate.parameters", why);
@@ -179,18 +183,46 @@ fn one_pose(path: &str, pose: &Pose) -> Checked {
             return refuse(format!("{path}.{number}"), why);
         }
     }
-    if let Some(direction) = pose.gravity_in_image {
-        let path = format!("{path}.gravity_in_image");
+    direction(path, "gravity_in_image", pose.gravity_in_image, pose.gravity())
+}
+
+fn one_scan(study: &Study, name: &str, scan: &Scan) -> Checked {
+    let path = format!("scans.{name}");
+    plain_name(&path, name)?;
+    if study.poses.contains_key(name) {
+        return refuse(
+            path,
+            "there is an image of this name in [poses]; give the scan another one",
+        );
+    }
+    for (key, file) in [("surface", &scan.surface), ("landmarks", &scan.landmarks)] {
+        let text = file.as_os_str().as_encoded_bytes();
+        if text.is_empty() || text.contains(&0) {
+            return refuse(format!("{path}.{key}"), "not the name of a file");
+        }
+    }
+    let ending = scan.surface.extension().map(|e| e.to_ascii_lowercase());
+    if !ending.is_some_and(|ending| ending == "stl" || ending == "ply") {
+        return refuse(format!("{path}.surface"), "is no STL or PLY file; export the scan as one");
+    }
+    direction(&path, "gravity_in_scan", scan.gravity_in_scan, scan.gravity())
+}
+
+/// A direction of gravity, given by name or as a vector under `key`.
+fn direction(path: &str, key: &str, given: Option<[f64; 3]>, unit: Option<Vec3>) -> Checked {
+    if let Some(direction) = given {
+        let path = format!("{path}.{key}");
         if !direction.iter().all(|x| x.is_finite()) {
             return refuse(path, "must be three finite numbers");
         }
-        if pose.gravity().is_none() {
+        if unit.is_none() {
             return refuse(path, "has no length; give the direction in which things fall");
         }
     }
-    if pose.gravity().is_none() {
-        let why = "gravity is not given; add posture = \"supine\", \"prone\" or \"upright\", \
-                   or gravity_in_image = [x, y, z]";
+    if unit.is_none() {
+        let why = format!(
+            "gravity is not given; add posture = \"supine\", \"prone\" or \"upright\", or {key} = [x, y, z]"
+        );
         return refuse(path, why);
     }
     Ok(())

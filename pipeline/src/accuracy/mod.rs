@@ -208,7 +208,8 @@ fn floor(
         |what: &dyn std::fmt::Display| Failure::BadInput(format!("truth of {name}: {what}"));
     let points = true_points(truth, bodies, &outcome.reference, name)?;
     let skin = TriMesh { points, triangles: bodies.get(TRUE_SKIN)? };
-    let pose = outcome.poses.get(name).ok_or_else(|| refuse(&"the study has no such pose"))?;
+    let pose =
+        outcome.measured.images.get(name).ok_or_else(|| refuse(&"the study has no such pose"))?;
     let mut measured = pose.surfaces.load()?.skin;
     if let Some(registered) = &pose.registered {
         let motion = registered.load()?.transform;

@@ -70,7 +70,7 @@ struct Added {
 /// The pose that decides.
 fn held_out(opened: &Opened, wish: Option<&str>) -> Result<String, Failure> {
     let study = &opened.study;
-    let others = || study.poses.iter().filter(|(name, _)| *name != study.reference_pose());
+    let others = || study.uses().filter(|(name, _)| *name != study.reference_pose());
     if others().count() < 2 {
         return Err(Failure::BadInput(
             "discover: needs two poses besides the reference pose, one to search and one to decide"
@@ -87,7 +87,7 @@ fn held_out(opened: &Opened, wish: Option<&str>) -> Result<String, Failure> {
         }
         return Ok(name.into());
     }
-    let validating = others().find(|(_, pose)| pose.usage == Use::Validate);
+    let validating = others().find(|(_, usage)| *usage == Use::Validate);
     validating.map(|(name, _)| name.clone()).ok_or_else(|| {
         Failure::BadInput(
             "discover: no pose has use = \"validate\"; a pose that the search does not see must \

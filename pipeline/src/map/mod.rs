@@ -4,7 +4,7 @@ mod spread;
 
 pub use spread::Spread;
 
-use crate::graph::{self, Outcome, PoseOutcome};
+use crate::graph::{self, Fitted, Outcome};
 use mammotwin_data::{
     Failure, Vec3,
     labels::{Side, Tissue},
@@ -86,15 +86,9 @@ pub struct Mapped {
 
 /// Runs the stages that a map needs beside a finished study.
 pub fn stiffer(study: &Study, run: &Run<'_>) -> Result<Stored<Shapes>, Failure> {
-    let Outcome { reference, poses, mesh, calibration, .. } = graph::body(study, run)?;
-    let (mut names, mut motions, mut surfaces) = (Vec::new(), Vec::new(), Vec::new());
-    for (name, PoseOutcome { registered, surfaces: measured, .. }) in &poses {
-        if let Some(registered) = registered {
-            names.push(name.clone());
-            motions.push(registered.clone());
-            surfaces.push(measured.clone());
-        }
-    }
+    let Outcome { reference, measured, mesh, calibration, .. } = graph::body(study, run)?;
+    let targets = measured.targets(study).into_iter();
+    let Fitted { names, motions, surfaces } = Fitted::of(targets);
     let cad = match study.compress.as_ref().and_then(|plan| plan.cad.as_ref()) {
         Some(cad) => Some(run.external::<TriMesh>("compress.cad.file", &cad.file)?),
         None => None,
@@ -108,7 +102,8 @@ pub fn stiffer(study: &Study, run: &Run<'_>) -> Result<Stored<Shapes>, Failure> 
         poses: names,
         compress: plan.map(|plan| plan.without_files().without_clamp()),
     };
-    let measured = (&poses[&reference].surfaces, &motions[..], &surfaces[..]);
+    let first = &measured.images[&reference].surfaces;
+    let measured = (first, &motions[..], &surfaces[..]);
     run.stage("", &stage, ((&mesh, &calibration), measured, cad.as_ref()))
 }
 
@@ -118,9 +113,9 @@ impl Body {
     /// # Errors
     /// [`Failure::BadInput`] when the study was not run: it says with which command it is.
     pub fn load(study: &Study, command: &str, outcome: &Outcome) -> Result<Self, Failure> {
-        let Outcome { reference, poses, mesh, calibration, validations, squeezed, .. } = outcome;
-        let pending = poses.values().filter_map(|pose| pose.registered.as_ref());
-        let pending = pending.filter(|registered| registered.is_pending()).count()
+        let Outcome { reference, measured, mesh, calibration, validations, squeezed, .. } = outcome;
+        let targets = measured.targets(study);
+        let pending = targets.iter().filter(|target| target.registered.is_pending()).count()
             + validations.values().filter(|validation| validation.is_pending()).count()
             + usize::from(mesh.is_pending())
             + usize::from(calibration.is_pending())
@@ -142,12 +137,10 @@ impl Body {
             fits.insert(name.clone(), after);
         }
         let mut registered = BTreeMap::new();
-        for (name, pose) in poses {
-            if let Some(motion) = &pose.registered {
-                registered.insert(name.clone(), motion.load()?);
-            }
+        for target in targets {
+            registered.insert(target.name.clone(), target.registered.load()?);
         }
-        let held_out = |name: &&String| study.poses[*name].usage == Use::Validate;
+        let held_out = |name: &&String| study.usage(name) == Some(Use::Validate);
         Ok(Self {
             reference: reference.clone(),
             mesh: mesh.load()?,

@@ -5,7 +5,7 @@ pub mod profiles;
 
 pub use page::{errors, page, sweeps, thesis_sweeps};
 
-use crate::graph::{Fitted, fitted, gravity, images};
+use crate::graph::{Fitted, fitted, gravity, measured};
 use mammotwin_data::{
     Failure,
     store::{Run, Stored},
@@ -43,15 +43,16 @@ pub fn vary(
     run: &Run<'_>,
 ) -> Result<Varied, Failure> {
     let reference = study.reference_pose();
-    let poses = images(study, reference, run)?;
-    let mesh = run.stage("", &Mesh(study.mesh), &poses[reference].labels)?;
+    let measured = measured(study, reference, run)?;
+    let first = &measured.images[reference];
+    let mesh = run.stage("", &Mesh(study.mesh), &first.labels)?;
     let sweep = |(parameter, values): &(Parameter, Vec<f64>)| {
         let (parameter, values) = (*parameter, values.clone());
         let sweep = Sweep { model: study.model.clone(), parameter, values };
         run.stage(parameter.name(), &sweep, &mesh)
     };
     let sweeps = sweeps.iter().map(sweep).collect::<Result<_, _>>()?;
-    let Fitted { names, motions, surfaces } = fitted(study, &poses);
+    let Fitted { names, motions, surfaces } = fitted(study, &measured);
     let row = |&[skin_kpa, fascia_kpa]: &[f64; 2]| {
         let mut model = study.model.clone();
         (model.skin.young_kpa, model.fascia.young_kpa) = (skin_kpa, fascia_kpa);
@@ -64,7 +65,7 @@ pub fn vary(
             breast_kpa: map.breast_kpa.clone(),
         };
         let label = format!("skin_{skin_kpa}_fascia_{fascia_kpa}").replace('.', "-");
-        run.stage(&label, &row, (&mesh, &poses[reference].surfaces, &motions[..], &surfaces[..]))
+        run.stage(&label, &row, (&mesh, &first.surfaces, &motions[..], &surfaces[..]))
     };
     let rows = map.rows.iter().map(row).collect::<Result<_, _>>()?;
     Ok(Varied { sweeps, rows })

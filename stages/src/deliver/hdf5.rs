@@ -22,7 +22,7 @@ use mammotwin_data::{
     metric::Metric,
     progress::Progress,
     store::Stage,
-    study::{Study, Use},
+    study::Study,
 };
 use serde::Serialize;
 
@@ -147,7 +147,7 @@ impl Deliver {
         let result = |(before, after): (&'a PoseFit, &'a PoseFit)| {
             let number = self.moving.iter().position(|name| *name == after.pose);
             let registered = number.and_then(|n| motions.get(n));
-            let usage = self.study.poses.get(&after.pose).map_or(Use::Fit, |pose| pose.usage);
+            let usage = self.study.usage(&after.pose).unwrap_or_default();
             let fiducials = fiducials.iter().find(|found| found.pose == after.pose);
             PoseResult { registered, usage, before, after, fiducials }
         };
