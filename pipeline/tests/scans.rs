@@ -27,7 +27,7 @@ fn tilted(folder: &Path) -> [f64; 2] {
     let results = hdf5::Reader::open(&folder.join("out/results.h5")).unwrap();
     ["before", "after"].map(|when| {
         let name = format!("poses/tilted/{when}/modified_hausdorff_mm");
-        results.get::<f64>(&name).unwrap()[0]
+        results.scalar::<f64>(&name).unwrap()
     })
 }
 

@@ -119,7 +119,7 @@ mod tests {
             ("PK\u{3}\u{4} a zip".into(), "no PLY file"),
             (format!("{HEAD}{}", BODY.replace("3 0 1 4", "3 0 1 7")), "vertex 7"),
             (format!("{HEAD}{}", BODY.replace("3 0 1 4", "3 0 1 -1")), "no list of vertices"),
-            (format!("{HEAD}{}", BODY.replace("5 5 8 9", "5 5 nan 9")), "not finite"),
+            (format!("{HEAD}{}", BODY.replace("5 5 8 9", "5 5 nan 9")), "no PLY file"),
             (format!("{points}{}", &BODY[..BODY.len() - 18]), "no face"),
             (format!("{}{BODY}", HEAD.replace("float z", "float w")), "no x, y and z"),
         ] {
