@@ -128,7 +128,7 @@ pub struct Place {
     pub element: usize,
     /// The node that is worst; `None` where it is the element as a whole.
     pub node: Option<usize>,
-    /// Where that node is, or the middle of the element (mm).
+    /// Where that node is, of a body that runs away at the last load that it carried, or the middle of the element (mm).
     pub mm: Vec3,
 }
 
@@ -299,7 +299,7 @@ pub(crate) fn walk(
                         Failure::Newton(_) => newton.falling(model, &trial),
                         _ => 0,
                     };
-                    return Err(stopped(model, &trial, error, falling, done, good));
+                    return Err(stopped(model, &trial, &state.points, error, falling, done, good));
                 }
             }
         }
@@ -365,7 +365,7 @@ pub(crate) fn finish(
 ) -> Result<Solution, SolveError> {
     let gradients = newton.assembly.term_gradients(model, state).map_err(|refusal| {
         let error = Failure::Newton(NewtonError::Start(refusal.into()));
-        stopped(model, state, error, 0, 0.0, None)
+        stopped(model, state, &state.points, error, 0, 0.0, None)
     })?;
     let mut solution = state.report(model);
     let mut scale: f64 = 0.0;

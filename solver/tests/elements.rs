@@ -212,7 +212,7 @@ fn an_inflated_sphere_converges_with_second_order() {
     assert!(errors[2] < 0.02 * (12.5 - 10.0), "{errors:?}");
 }
 
-/// Verifies: thick sphere under pressure, every law, ν = 0.4999 | quadrature of the stress along the radius | 6 % of the growth at 8 elements, order over 1.4
+/// Verifies: thick sphere under pressure, every law, ν = 0.4999 | quadrature of the stress along the radius | 5 % of the growth at 8 elements, order over 1.6
 #[test]
 fn a_sphere_of_every_law_grows_as_its_stress_along_the_radius_says() {
     for (name, law) in every(3.0, POISSON) {
@@ -224,6 +224,6 @@ fn a_sphere_of_every_law_grows_as_its_stress_along_the_radius_says() {
             "{name}: {pressure_kpa:.4} kPa, {:.2} % of the growth off, order {order:.2}",
             100.0 * part
         );
-        assert!(part < 0.06 && order > 1.4, "{name}: {errors:?}");
+        assert!(part < 0.05 && order > 1.6, "{name}: {errors:?}");
     }
 }

@@ -144,7 +144,8 @@ fn nothing_holds_a_block_that_slips() {
     let mesh = block();
     assert!(load_fraction == 0.0 && last.is_none(), "{load_fraction}");
     assert!(place.node.is_some_and(|node| node < mesh.points.len()) && !place.term.is_empty());
-    assert!(place.mm.x > 0.0 && remedy.contains("hold the body better"), "{place:?}: {remedy}");
+    assert!(place.mm.iter().all(|x| (-1.0..41.0).contains(x)), "{place:?}");
+    assert!(remedy.contains("hold the body better"), "{remedy}");
     // A rough plane holds it.
     let found = Case { slip: Slip::Never, ..case }.solve(&Options::default()).unwrap();
     assert!(

@@ -20,10 +20,11 @@ pub(super) enum Failure {
 }
 
 /// The error of a failure at `state`, from which the energy falls in so many directions, beyond a fraction of the
-/// load that was carried.
+/// load that was carried with the nodes at `good` (mm): a body that runs away is told where it was.
 pub(super) fn stopped(
     model: &Model,
     state: &State,
+    good: &[Vec3],
     failure: Failure,
     falling: usize,
     load_fraction: f64,
@@ -36,15 +37,15 @@ pub(super) fn stopped(
     let (place, refusal) = match failure {
         Failure::Newton(NewtonError::Start(error)) => match refused(error) {
             Some(at) => (of_refusal(model, state, &at), Some(at)),
-            None => (of_node(model, state, farthest(model, state)), None),
+            None => (of_node(model, good, farthest(model, state)), None),
         },
         Failure::Newton(NewtonError::Stuck { node, ran_into }) => {
             match ran_into.and_then(refused) {
                 Some(at) => (of_refusal(model, state, &at), Some(at)),
-                None => (of_node(model, state, node), None),
+                None => (of_node(model, good, node), None),
             }
         }
-        Failure::Newton(NewtonError::Slow { node }) => (of_node(model, state, node), None),
+        Failure::Newton(NewtonError::Slow { node }) => (of_node(model, good, node), None),
         Failure::Contact => {
             (of_contact(model, state, ContactCheck::open_mm, |c| c.worst_open), None)
         }
@@ -85,14 +86,14 @@ fn of_refusal(model: &Model, state: &State, at: &TermRefusal) -> Place {
 }
 
 /// A node, with the first element that has it.
-fn of_node(model: &Model, state: &State, node: usize) -> Place {
+fn of_node(model: &Model, points: &[Vec3], node: usize) -> Place {
     let element = |term: usize| {
         let term = &model.terms()[term];
         let has = |e: &usize| term.nodes(*e).contains(&(node as u32));
         (0..term.elements()).find(has).map(|element| (term.name().to_owned(), element))
     };
     let (term, element) = (0..model.terms().len()).find_map(element).unwrap_or_default();
-    Place { term, element, node: Some(node), mm: state.points[node] }
+    Place { term, element, node: Some(node), mm: points[node] }
 }
 
 /// The worst node of the contact that is worst by `size`.
@@ -105,7 +106,7 @@ fn of_contact(
     let checks = model.terms().iter().enumerate();
     let checks = checks.filter_map(|(n, term)| Some((term, term.contact(&state.at(n))?)));
     let worst = checks.max_by(|a, b| size(&a.1).total_cmp(&size(&b.1)));
-    let Some((term, check)) = worst else { return of_node(model, state, 0) };
+    let Some((term, check)) = worst else { return of_node(model, &state.points, 0) };
     let element = element(&check);
     let node = term.nodes(element)[0] as usize;
     Place { term: term.name().into(), element, node: Some(node), mm: state.points[node] }
