@@ -223,6 +223,10 @@ pub struct SynthArguments {
     /// greatest plausible amplitude (see `mammotwin effects`)
     #[arg(long, value_name = "EFFECT[=AMPLITUDE]", value_delimiter = ',')]
     pub hide: Vec<String>,
+    /// Leave chest wall and arms as they are between the poses, as no person's are: what is left is a
+    /// rigid motion of the table
+    #[arg(long)]
+    pub still: bool,
     /// Edges of the elements of the truth (mm) [default: those of the preset]
     #[arg(long, value_name = "MM")]
     pub truth_mm: Option<f64>,

@@ -57,7 +57,7 @@ fn settings(arguments: &SynthArguments) -> Result<Settings, Failure> {
     let hidden = hidden(&arguments.hide)?;
     let elements = arguments.elements.as_deref().map(elements).transpose()?;
     let (truth_mm, out_dir) = (truth_edge(arguments.truth_mm)?, arguments.out.clone());
-    let still = false;
+    let still = arguments.still;
     Ok(Settings { preset, seed, voxel_mm, poses, hidden, still, elements, truth_mm, out_dir })
 }
 

@@ -25,7 +25,7 @@ class Registration:
     """The rigid motion of a pose's image to the reference pose, and what it says of itself."""
 
     to_reference: RigidTransform
-    #: The motion that the landmarks alone gave.
+    #: The motion that the landmarks alone gave; a search over the images where there were fewer than three.
     from_landmarks: RigidTransform
     landmarks: int
     landmark_rms_mm: float | None
@@ -37,6 +37,12 @@ class Registration:
     #: Standard deviations about the axes x, y, z.
     sd_rotation_deg: np.ndarray
     sd_translation_mm: np.ndarray
+    #: Front of the muscle after the motion: signed distance from the chest wall of the reference, mean, 95 % and largest
+    #: magnitude, and the part within 5 mm (Mîra 2018, fig. 3.4); `None` where the labels show no breast.
+    wall_mean_mm: float | None = None
+    wall_p95_mm: float | None = None
+    wall_max_mm: float | None = None
+    wall_within_5mm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -138,6 +144,7 @@ class Pose:
             optional("change_rms_mm"),
             found.array("sd_rotation_deg"),
             found.array("sd_translation_mm"),
+            *(optional(f"wall_{name}") for name in ("mean_mm", "p95_mm", "max_mm", "within_5mm")),
         )
 
     @property

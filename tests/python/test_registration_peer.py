@@ -1,0 +1,143 @@
+"""Rigid motion of a digital volunteer between two poses beside SimpleITK's: the same images, mask, start and threads.
+
+Her chest wall stays as it is, so that the motion is known exactly; the breasts move. Slow: MAMMOTWIN_SLOW=1. MAMMOTWIN names
+the program; without it the one that was built in this repository is taken.
+"""
+
+import json
+import os
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import SimpleITK as sitk
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAM = Path(os.environ.get("MAMMOTWIN", ROOT / "target/release/mammotwin")).resolve()
+VOXEL_MM = os.environ.get("MAMMOTWIN_REGISTRATION_VOXEL_MM", "1.5")
+POSES = ("prone", "tilted")
+THREADS = 2
+MUSCLE, CHEST_WALL = 6, (6, 7)
+#: The wall as the registration takes it (mm).
+BEHIND_MM, AHEAD_MM = 20.0, 3.0
+LPS = np.diag([-1.0, -1.0, 1.0])
+pytestmark = pytest.mark.skipif(not os.environ.get("MAMMOTWIN_SLOW"), reason="minutes; ask for it by MAMMOTWIN_SLOW=1")
+
+
+@pytest.fixture(scope="module")
+def volunteer(tmp_path_factory):
+    """Folder of a volunteer whose poses are registered."""
+    if not PROGRAM.exists():
+        pytest.skip("no program: build it, or set MAMMOTWIN")
+    folder = tmp_path_factory.mktemp("volunteer")
+    made = ["synth", "--preset", "tiny", "--seed", "41", "--voxel-mm", VOXEL_MM, "--still", "--poses", ",".join(POSES)]
+    subprocess.run([PROGRAM, "--quiet", *made, "--out", folder], check=True)
+    study = folder / "study.toml"
+    for more in (["--until", "register"], ["--only", "register"], ["--only", "register"]):
+        subprocess.run([PROGRAM, "--quiet", "--threads", str(THREADS), "run", study, *more], check=True)
+        for pose in POSES:
+            seconds = json.loads((slot(folder, "register", pose) / "record.json").read_text())["wall_ms"] / 1000
+            OURS.setdefault(pose, []).append(seconds)
+    return folder
+
+
+#: Seconds of the whole stage by pose: reading, rigid motion, change of the wall, distances of the surfaces.
+OURS: dict[str, list[float]] = {}
+
+
+def slot(folder, stage, pose):
+    (found,) = [path for path in (folder / "out/cache" / stage).glob(f"{pose}-*") if path.is_dir()]
+    return found
+
+
+def motion(value):
+    """Homogeneous matrix, RAS mm, of a motion in JSON."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = value["rotation"], value["translation"]
+    return matrix
+
+
+def of_stage(folder, stage, pose):
+    (file,) = [path for path in slot(folder, stage, pose).glob("*.json") if path.name not in ("key.json", "record.json")]
+    return motion(json.loads(file.read_text())["transform"])
+
+
+def wall(labels):
+    """What is compared: chest wall within 20 mm of the muscle, and 3 mm in front of it."""
+    numbers = sitk.GetArrayFromImage(labels)
+    muscle = sitk.GetImageFromArray((numbers == MUSCLE).astype(np.uint8))
+    muscle.CopyInformation(labels)
+    distance = sitk.SignedMaurerDistanceMap(muscle, squaredDistance=False, useImageSpacing=True)
+    behind = np.isin(numbers, CHEST_WALL)
+    near = sitk.GetArrayFromImage(distance) <= np.where(behind, BEHIND_MM, AHEAD_MM)
+    mask = sitk.GetImageFromArray(near.astype(np.uint8))
+    mask.CopyInformation(labels)
+    points = np.argwhere(numbers == MUSCLE)[::29, ::-1]
+    return mask, np.array([labels.TransformIndexToPhysicalPoint([int(n) for n in p]) for p in points]) @ LPS
+
+
+def theirs(fixed, moving, mask, start, middle, metric, share):
+    """Motion from the moving to the fixed image (RAS mm), and seconds; three resolutions, a share of the mask's points."""
+    back = np.linalg.inv(start)
+    first = sitk.Euler3DTransform()
+    first.SetCenter([float(x) for x in LPS @ middle])
+    turn = LPS @ back[:3, :3] @ LPS
+    first.SetMatrix(turn.ravel().tolist(), 1e-6)
+    first.SetTranslation((LPS @ (back[:3, :3] @ middle + back[:3, 3] - middle)).tolist())
+    method = sitk.ImageRegistrationMethod()
+    if metric == "correlation":
+        method.SetMetricAsCorrelation()
+    else:
+        method.SetMetricAsMattesMutualInformation(numberOfHistogramBins=50)
+    method.SetMetricFixedMask(mask)
+    if share < 1:
+        method.SetMetricSamplingStrategy(method.RANDOM)
+        method.SetMetricSamplingPercentage(share, 7)
+    method.SetInterpolator(sitk.sitkLinear)
+    method.SetShrinkFactorsPerLevel([4, 2, 1])
+    method.SetSmoothingSigmasPerLevel([4.0, 2.0, 0.0])
+    method.SmoothingSigmasAreSpecifiedInPhysicalUnitsOn()
+    method.SetOptimizerAsRegularStepGradientDescent(
+        learningRate=1.0, minStep=1e-3, numberOfIterations=200, relaxationFactor=0.5, gradientMagnitudeTolerance=1e-8
+    )
+    method.SetOptimizerScalesFromPhysicalShift()
+    method.SetInitialTransform(first, inPlace=True)
+    begin = time.perf_counter()
+    method.Execute(fixed, moving)
+    seconds = time.perf_counter() - begin
+    matrix = np.eye(4)
+    matrix[:3, :3] = LPS @ np.array(first.GetMatrix()).reshape(3, 3) @ LPS
+    matrix[:3, 3] = LPS @ np.array(first.TransformPoint([0.0, 0.0, 0.0]))
+    return np.linalg.inv(matrix), seconds
+
+
+def error_mm(found, exact, points):
+    """Mean distance of points of the reference from where a motion puts them."""
+    twice = found @ np.linalg.inv(exact)
+    return np.linalg.norm(points @ twice[:3, :3].T + twice[:3, 3] - points, axis=1).mean()
+
+
+def test_motions_are_as_accurate_as_those_of_simpleitk_and_twice_as_fast(volunteer):
+    sitk.ProcessObject.SetGlobalDefaultNumberOfThreads(THREADS)
+    exact = json.loads((volunteer / "truth/truth.json").read_text())["poses"]
+    read = lambda name: sitk.ReadImage(str(volunteer / name), sitk.sitkFloat32)  # noqa: E731
+    fixed = read("supine.nii.gz")
+    mask, points = wall(sitk.ReadImage(str(volunteer / "out/labels/supine.nii.gz")))
+    for pose in POSES:
+        truth = motion(exact[pose]["to_common"])
+        start = of_stage(volunteer, "align", pose)
+        ours, seconds = error_mm(of_stage(volunteer, "register", pose), truth, points), min(OURS[pose])
+        told = [f"{pose}: start {error_mm(start, truth, points):.2f} mm; ours {ours:.3f} mm, {seconds:.2f} s"]
+        others = []
+        for share in (1.0, 0.2):
+            for metric in ("correlation", "mutual information"):
+                moving = read(f"{pose}.nii.gz")
+                found, their_seconds = theirs(fixed, moving, mask, start, points.mean(axis=0), metric, share)
+                others.append((share, error_mm(found, truth, points), their_seconds))
+                told.append(f"SimpleITK, {metric}, {share:.0%} of the points: {others[-1][1]:.3f} mm, {their_seconds:.2f} s")
+        print("; ".join(told))
+        assert ours < 0.3
+        assert all(ours <= their_error for _, their_error, _ in others)
+        assert all(2 * seconds <= their_seconds for share, _, their_seconds in others if share == 1)
