@@ -12,6 +12,7 @@ use mammotwin_data::{
 use mammotwin_imaging::mri::{
     distance_field::{FieldPlan, level_field},
     segment::{Limits, Options, SegmentError, Segmentation, segment},
+    smooth::project,
     surface::{crossings::crossings, surface},
 };
 
@@ -37,14 +38,19 @@ fn breast_and_behind_wall(labels: &Volume<Tissue>, side: Side, limits: &Limits) 
     found
 }
 
-/// Reads a scan and segments it; `None` without the scans.
-fn segmented(name: &str) -> Option<Result<(Volume<f32>, Segmentation), SegmentError>> {
+/// Reads a scan; `None` without the scans.
+fn read(name: &str) -> Option<Volume<f32>> {
     let Some(data) = std::env::var_os("MAMMOTWIN_DATA") else {
         println!("skipped: no real data");
         return None;
     };
     let folder = std::path::Path::new(&data).join("data/mr_prone");
-    let image = mammotwin_data::io::nifti::read(&folder.join(name)).unwrap();
+    Some(mammotwin_data::io::nifti::read(&folder.join(name)).unwrap())
+}
+
+/// Reads a scan and segments it; `None` without the scans.
+fn segmented(name: &str) -> Option<Result<(Volume<f32>, Segmentation), SegmentError>> {
+    let image = read(name)?;
     let found = segment(&image, &Options::default(), &Silent);
     Some(found.map(|found| (image, found)))
 }
@@ -147,24 +153,18 @@ fn images_with_fat_suppression_are_refused() {
     }
 }
 
-/// Skin and chest wall of the labels; where an image is refused, what is brighter than air, as rough as
-/// it comes.
+/// Skin and chest wall of the labels; and of every image what is brighter than air, as rough as it comes.
+/// Without mending triangles of it do pass through each other, as those of one skin do.
 #[test]
 fn no_surface_of_a_real_chest_passes_through_itself() {
+    let mut before = 0;
     for name in [
         "uta11_P13_t2tse_h2.nii.gz",
         "uta11_P13_t1tse_h2.nii.gz",
         "uta11_P13_t1fs_pre_h2.nii.gz",
         "uta11_P02_t1fs_h2.nii.gz",
     ] {
-        let Some(data) = std::env::var_os("MAMMOTWIN_DATA") else {
-            println!("skipped: no real data");
-            return;
-        };
-        let image = mammotwin_data::io::nifti::read(
-            &std::path::Path::new(&data).join("data/mr_prone").join(name),
-        )
-        .unwrap();
+        let Some(image) = read(name) else { return };
         let mut sizes = image.values.clone();
         sizes.sort_by(f32::total_cmp);
         let air = 0.1 * sizes[sizes.len() * 95 / 100];
@@ -176,14 +176,11 @@ fn no_surface_of_a_real_chest_passes_through_itself() {
         for mask in masks {
             let field = level_field(&mask, &FieldPlan::of_spacing(1.5)).unwrap();
             let surface = surface(&field);
-            let pairs = crossings(&surface).len();
-            let unchecked = mammotwin_imaging::mri::smooth::project(&surface, &field);
-            println!(
-                "{name}: {pairs} pairs, {} of {} triangles",
-                crossings(&unchecked).len(),
-                surface.triangles.len()
-            );
-            assert_eq!(pairs, 0);
+            let unmended = crossings(&project(&surface, &field)).len();
+            println!("{name}: {} triangles, {unmended} pairs unmended", surface.triangles.len());
+            assert!(crossings(&surface).is_empty());
+            before += unmended;
         }
     }
+    assert!(before > 0, "no surface had to be mended");
 }
