@@ -141,7 +141,7 @@ fn two_contrasts_of_a_real_prone_chest_give_one_plausible_anatomy() {
     let body = of(|tissue| tissue != Tissue::Background);
     let (breast, wall) = (of(Tissue::is_breast), of(Tissue::is_chest_wall));
     println!("T1 and T2 agree: body {body:.3}, breast {breast:.3}, chest wall {wall:.3}");
-    assert!(body > 0.97 && breast > 0.92 && wall > 0.97);
+    assert!(body > 0.97 && breast > 0.95 && wall > 0.97);
 }
 
 /// With fat suppression fat is no brighter than muscle: the wall cannot be told, and that is said.

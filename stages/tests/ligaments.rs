@@ -12,7 +12,7 @@ use mammotwin_solver::{Options, solve};
 use mammotwin_stages::model::{Ligament, Moduli, shared_nodes};
 use mammotwin_stages::volunteer::{PoseName, Preset, Torso, mechanics::TruthBody, model_plan};
 
-const LINEAR: MeshPlan = MeshPlan { size_mm: 13.0, elements: Elements::Linear };
+const LINEAR: MeshPlan = MeshPlan { size_mm: 13.0, elements: Elements::Linear, doublings: 0 };
 const MODULI: Moduli = Moduli { right_kpa: 0.4, left_kpa: 0.4 };
 
 fn volunteer() -> (TruthBody, ModelPlan) {

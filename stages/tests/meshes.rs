@@ -120,8 +120,7 @@ fn between(
     let off = faces_off(mesh, patch, level);
     let index = SurfaceIndex::new(&mesh.patch_surface(patch)).unwrap();
     let bounding = |p: &&Vec3| torso.distances(p).max() < 0.05;
-    let points: Vec<Vec3> =
-        fine(torso, level).points.iter().filter(bounding).copied().collect();
+    let points: Vec<Vec3> = fine(torso, level).points.iter().filter(bounding).copied().collect();
     assert!(points.len() > 10_000);
     let back = index.closest_of(&points).unwrap();
     [p95_and_max(off), p95_and_max(back.iter().map(|closest| closest.distance_mm))]
@@ -164,7 +163,15 @@ fn faces_are_as_near_to_their_surface_as_their_size_lets_them() {
     for n in order.iter().step_by(10).take(8) {
         let face = mesh.patch(Patch::Skin)[n / 10];
         let corners = face.map(|n| mesh.points[n as usize]);
-        println!("{:.3} {corners:.1?} {:.1?}", off[*n], corners.map(|p| torso.distances(&p).patches().map(|q| torso.distances(&p).of(q)).collect::<Vec<_>>()));
+        println!(
+            "{:.3} {corners:.1?} {:.1?}",
+            off[*n],
+            corners.map(|p| torso
+                .distances(&p)
+                .patches()
+                .map(|q| torso.distances(&p).of(q))
+                .collect::<Vec<_>>())
+        );
     }
 }
 
@@ -180,8 +187,17 @@ fn graded() {
         let body = TruthBody::new(&torso, plan, &Silent).unwrap();
         let points = body.deform(PoseName::Prone, &Silent).unwrap().points;
         let s = quality(&body.mesh.points, &body.mesh.tets).summary;
-        println!("{plan:?} {:?}, {} nodes {} tets {:.3}", start.elapsed(), points.len(), s.tets, s.max_skewness);
-        (TriMesh { points, triangles: body.mesh.patch(Patch::Skin).to_vec() }, body.supine.points.clone())
+        println!(
+            "{plan:?} {:?}, {} nodes {} tets {:.3}",
+            start.elapsed(),
+            points.len(),
+            s.tets,
+            s.max_skewness
+        );
+        (
+            TriMesh { points, triangles: body.mesh.patch(Patch::Skin).to_vec() },
+            body.supine.points.clone(),
+        )
     };
     let (truth, _) = prone(MeshPlan { size_mm: 18.0, elements: Elements::Quadratic, doublings: 0 });
     let index = SurfaceIndex::new(&truth).unwrap();
@@ -190,9 +206,20 @@ fn graded() {
         let mut nodes: Vec<u32> = skin.triangles.iter().flatten().copied().collect();
         nodes.sort_unstable();
         nodes.dedup();
-        nodes.retain(|&n| torso.breasts.iter().any(|b| (15.0..55.0).contains(&(supine[n as usize] - b.apex).norm())));
+        nodes.retain(|&n| {
+            torso
+                .breasts
+                .iter()
+                .any(|b| (15.0..55.0).contains(&(supine[n as usize] - b.apex).norm()))
+        });
         let points: Vec<Vec3> = nodes.iter().map(|&n| skin.points[n as usize]).collect();
-        let off: Vec<f64> = index.closest_of(&points).unwrap().iter().zip(&points).map(|(c, p)| c.signed_mm(p)).collect();
+        let off: Vec<f64> = index
+            .closest_of(&points)
+            .unwrap()
+            .iter()
+            .zip(&points)
+            .map(|(c, p)| c.signed_mm(p))
+            .collect();
         let mean = off.iter().sum::<f64>() / off.len() as f64;
         let rms = (off.iter().map(|v| v * v).sum::<f64>() / off.len() as f64).sqrt();
         println!("{size_mm} {doublings}: mean {mean:.3} rms {rms:.3}");

@@ -2,8 +2,9 @@
 
 #![allow(clippy::unwrap_used)] // a test may fail at once
 
-use mammotwin_data::study::{
-    InterfaceKind, InterfaceRegion, PaddleName, ReceptorName, Study, designs, parse,
+use mammotwin_data::{
+    labels::Tissue,
+    study::{InterfaceKind, InterfaceRegion, PaddleName, ReceptorName, Study, designs, parse},
 };
 use proptest::{
     prelude::Rng,
@@ -368,6 +369,30 @@ fn the_search_for_moduli_may_be_repeated_and_the_fixed_point_be_plain() {
         &["calibrate.second_start", "nothing is fitted"],
     );
     refused("\"fixed_point\"", "\"fixed\"", &["calibrate.stress_free", "plain_fixed_point"]);
+}
+
+#[test]
+fn labels_of_other_programs_have_names_and_scribbles_have_no_labels_beside_them() {
+    let image = "image = \"prone.nii.gz\"\n";
+    let with = |more: &str| GOOD.replacen(image, &format!("{image}{more}\n"), 1);
+    let map = "labels = \"p.nii\"\nlabel_map = { 1 = \"adipose\", 65535 = \"skin\" }";
+    let study = parse(&with(map)).unwrap();
+    let known = study.poses["prone"].label_map.as_ref().unwrap();
+    assert_eq!(known["1"].tissue(true), Tissue::AdiposeRight);
+    assert_eq!((known["1"].tissue(false), known.len()), (Tissue::AdiposeLeft, 2));
+    assert_eq!(parse(&toml::to_string(&study).unwrap()).unwrap(), study);
+    let study = parse(&with("scribbles = \"p.nii\"")).unwrap();
+    assert_eq!(study.without_files().poses["prone"].scribbles, None);
+    let bad = |more: &str, says: &[&str]| refused(image, &format!("{image}{more}\n"), says);
+    bad(
+        "labels = \"p.nii\"\nscribbles = \"q.nii\"",
+        &["line 11: poses.prone.scribbles: ", "remove one of the two keys"],
+    );
+    bad("scribbles = \"\"", &["poses.prone.scribbles: ", "not the name of a file"]);
+    bad("label_map = { 1 = \"skin\" }", &["line 10: poses.prone.label_map: ", "add labels"]);
+    let labels = "labels = \"p.nii\"\nlabel_map";
+    bad(&format!("{labels} = {{ fat = \"skin\" }}"), &["label_map.fat: ", "0 to 65535"]);
+    bad(&format!("{labels} = {{ 1 = \"fat\" }}"), &["line 11", "\"fat\" is not known", "adipose"]);
 }
 
 #[test]

@@ -75,7 +75,7 @@ impl Volumes {
 
 /// Standard deviation (mm) of the smoothing that a nipple stands out of.
 const SMOOTH_MM: f64 = 8.0;
-/// Height (mm) over the smoothed skin from which a bump is a nipple.
+/// Height (mm) from which a bump is a nipple, over what the roundness of the breast's front makes.
 const LEAST_BUMP_MM: f64 = 1.5;
 /// A nipple lies at least this part of the breast's protrusion in front of the chest wall.
 const LEAST_HEIGHT: f64 = 0.5;
@@ -121,7 +121,9 @@ pub fn bumps(surface: &TriMesh, wanted: &[bool]) -> Vec<f64> {
 pub fn nipple(bumps: &[f64], wanted: &[bool], wall_mm: &[f64]) -> Option<usize> {
     let wanted = || (0..wanted.len()).filter(|&n| wanted[n]);
     let farthest = wanted().map(|n| wall_mm[n]).fold(0.0, f64::max);
-    let front = wanted().filter(|&n| wall_mm[n] >= LEAST_HEIGHT * farthest);
-    let best = front.max_by(|&a, &b| bumps[a].total_cmp(&bumps[b]))?;
-    (bumps[best] >= LEAST_BUMP_MM).then_some(best)
+    let mut front: Vec<usize> =
+        wanted().filter(|&n| wall_mm[n] >= LEAST_HEIGHT * farthest).collect();
+    front.sort_unstable_by(|&a, &b| bumps[a].total_cmp(&bumps[b]));
+    let (best, middle) = (*front.last()?, front[front.len() / 2]);
+    (bumps[best] - bumps[middle] >= LEAST_BUMP_MM).then_some(best)
 }

@@ -23,6 +23,8 @@ const FIRST_MM: f64 = -3.0;
 const STEP_MM: f64 = 0.25;
 /// Thickest skin that is looked for (mm): the areola has 4 to 5.
 const THICKEST_MM: f64 = 6.0;
+/// What is thinner on the whole (mm) is no skin, which has 0.8 and more.
+const THINNEST_MM: f64 = 0.5;
 /// The surface is off by at most this (mm).
 const OFF_MM: f64 = 1.5;
 /// Brightnesses of skin, in units of fat, that are tried.
@@ -68,7 +70,7 @@ pub enum NoSkin {
         voxel_mm: f64,
     },
     /// Skin and the tissue under it look alike.
-    #[error("skin is not darker than the fat under it in this image: no thickness")]
+    #[error("no skin that is darker than the fat under it is seen in this image: no thickness")]
     NoContrast,
 }
 
@@ -120,6 +122,10 @@ pub fn thickness(image: &Volume<f32>, skin: &TriMesh, wanted: &[bool]) -> Result
         (on_fat && fit.misfit < allowed).then_some(fit.thickness_mm)
     };
     let single: Vec<Option<f64>> = (0..fits.len()).map(sound).collect();
+    let mut all: Vec<f64> = single.iter().flatten().copied().collect();
+    if median(&mut all).is_none_or(|middle| middle < THINNEST_MM) {
+        return Err(NoSkin::NoContrast);
+    }
     let thickness_mm = web.medians(&single, SMOOTHED_MM);
     let thickness_mm = single.iter().zip(thickness_mm).map(|(one, all)| one.and(all)).collect();
     Ok(SkinMap { thickness_mm, brightness, blur })

@@ -191,3 +191,40 @@ fn poses_without_a_common_marker_on_the_breasts_are_warned_of() {
     assert_eq!(warned(&without, "nipple_right,41,60,0\n"), warning);
     assert_eq!(warned(STUDY, ""), [], "one pose alone needs none");
 }
+
+#[test]
+fn numbered_labels_and_scribbles_are_looked_at_too() {
+    let folder = Folder::new();
+    let study =
+        |from: &str, to: &str| findings(&parse(&STUDY.replace(from, to)).unwrap(), folder.0.path());
+    let said = |found: &[Finding], key: &str, weight: Weight| -> String {
+        let own = found.iter().filter(|f| f.key == key && f.weight == weight);
+        own.map(|finding| finding.text.clone()).collect::<Vec<_>>().join("; ")
+    };
+    // The same labels, numbered by another program.
+    let labels = nifti::read_labels(&folder.path("labels.nii.gz")).unwrap();
+    let numbered = labels.map(|tissue| 100 * u16::from(tissue.label()));
+    let path = folder.path("numbered.nii.gz");
+    nifti::write_raw_labels(&path, &numbered, Version::One).unwrap();
+    let key = "labels = \"labels.nii.gz\"";
+    let with = |map: &str| study(key, &format!("labels = \"numbered.nii.gz\"\nlabel_map = {map}"));
+    let all = with("{ 100 = \"adipose\", 200 = \"adipose\" }");
+    assert_eq!(said(&all, "poses.prone.labels", Weight::Wrong), "");
+    let few = with("{ 100 = \"adipose\" }");
+    assert!(said(&few, "poses.prone.labels", Weight::Wrong).contains("does not name 200"));
+
+    let mut marks = Volume::filled(Folder::grid(8.0), 0u16);
+    let path = folder.path("marks.nii.gz");
+    let scribbles = |marks: &Volume<u16>| {
+        nifti::write_raw_labels(&path, marks, Version::One).unwrap();
+        study(key, "scribbles = \"marks.nii.gz\"")
+    };
+    let none = scribbles(&marks);
+    assert!(said(&none, "poses.prone.scribbles", Weight::Wrong).contains("no voxel is marked"));
+    (marks.values[0], marks.values[1], marks.values[2]) = (10, 6, 6);
+    let some = scribbles(&marks);
+    let told = said(&some, "poses.prone.scribbles", Weight::Good);
+    assert_eq!(told, "marked voxels: 1 of 10, 2 of 6");
+    marks.values[3] = 11;
+    assert!(said(&scribbles(&marks), "poses.prone.scribbles", Weight::Wrong).contains("hold 11"));
+}

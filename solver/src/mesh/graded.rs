@@ -226,8 +226,7 @@ mod tests {
             assert!((enclosed / volume - 1.0).abs() < 1e-12);
             let side = |axis: usize| {
                 let border = |low: &Place, length: i64| {
-                    i64::from(low[axis] == 0)
-                        + i64::from(low[axis] + length == tree.shape[axis])
+                    i64::from(low[axis] == 0) + i64::from(low[axis] + length == tree.shape[axis])
                 };
                 let missing: i64 = lengths
                     .iter()
@@ -261,6 +260,8 @@ mod tests {
         let (points, tets) = tree.tets();
         // Four on each face between two of the cells.
         assert_eq!(tets.len(), 4 * (4 * 4 * 6 + 5 * 3 * 6 + 5 * 4 * 5));
-        assert!(tets.iter().all(|tet| (TetMesh::tet_volume(&points, tet) - 1.0 / 12.0).abs() < 1e-12));
+        assert!(
+            tets.iter().all(|tet| (TetMesh::tet_volume(&points, tet) - 1.0 / 12.0).abs() < 1e-12)
+        );
     }
 }

@@ -148,9 +148,7 @@ fn a_lattice_that_meets_bumps_badly_is_shifted() {
 #[test]
 fn larger_elements_inside_leave_the_surface_as_it_is() {
     let small = Torso::small();
-    for (domain, size_mm, part) in
-        [(&Mound as &dyn Domain, 2.5, 0.8), (&small, 5.0, 1.0)]
-    {
+    for (domain, size_mm, part) in [(&Mound as &dyn Domain, 2.5, 0.8), (&small, 5.0, 1.0)] {
         let uniform = mesh(domain, size_mm);
         for doublings in [1, 2] {
             let meshing = Meshing { doublings, ..Meshing::of_size(size_mm) };

@@ -179,11 +179,7 @@ const MOST_DOUBLINGS: u32 = 2;
 const CLEAR: f64 = 1.2;
 
 /// The part of the lattice that may meet the body, and the patches of the body.
-fn lattice_draft(
-    domain: &dyn Domain,
-    lattice: &Lattice,
-    doublings: u32,
-) -> (Draft, Vec<Patch>) {
+fn lattice_draft(domain: &dyn Domain, lattice: &Lattice, doublings: u32) -> (Draft, Vec<Patch>) {
     let graded = (doublings > 0).then(|| {
         let near = |middle: &Vec3, length: f64| {
             let distance = domain.distances(&lattice.place(middle)).max().abs();

@@ -212,6 +212,18 @@ pub(super) fn largest_component(mask: &[bool], [ni, nj, nk]: [usize; 3]) -> Opti
     Some(largest)
 }
 
+/// The voxels of `mask` that a path through it joins to one of the `seeds`.
+pub(super) fn reached(mask: &[bool], shape: [usize; 3], seeds: &[usize]) -> Vec<bool> {
+    let mut reached = vec![false; mask.len()];
+    let mut queue: Vec<usize> = seeds.iter().copied().filter(|&n| mask[n]).collect();
+    while let Some(n) = queue.pop() {
+        if !std::mem::replace(&mut reached[n], true) {
+            queue.extend(neighbours(n, shape).filter(|&m| mask[m] && !reached[m]));
+        }
+    }
+    reached
+}
+
 /// Voxels of `air` that no path of air joins to the border of the grid, ascending.
 pub(super) fn enclosed(air: &[bool], [ni, nj, nk]: [usize; 3]) -> Vec<usize> {
     // A layer of air around the grid joins whatever reaches its border.

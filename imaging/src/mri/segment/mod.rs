@@ -20,6 +20,7 @@ mod frame;
 mod label;
 mod limits;
 mod polar;
+mod rear;
 mod scribble;
 mod search;
 mod shading;
@@ -29,8 +30,8 @@ mod wall;
 pub(super) use body::neighbours;
 pub(super) use depth::distance_to_outside;
 pub use error::{Border, SegmentError, Warning};
+pub use rear::NOMINAL_MUSCLE_MM;
 pub use tissue::Classes;
-pub use wall::NOMINAL_MUSCLE_MM;
 
 use frame::Frame;
 use mammotwin_data::Vec3;
@@ -136,7 +137,7 @@ pub fn segment_marked(
 
     let marks = Marks::new(scribbles, image, &frame)?;
     let recoloured = marks.recoloured(image, &frame)?;
-    let image = recoloured.as_ref().unwrap_or(image);
+    let image = recoloured.as_ref().map_or(image, |found| &found.image);
 
     progress.report(0.0, "resampling along the body's axes");
     let grid = frame.work_grid(options.work_spacing_mm);
@@ -175,8 +176,9 @@ pub fn segment_marked(
     progress.report(0.75, "labels");
     let brightness = label::brightness(&shaded);
     let mask = label::body_mask(&shaded, &brightness, &work, &body);
+    let inner = recoloured.as_ref().map_or(&brightness, |found| &found.breast);
     let (labels, classes) =
-        label::assign(&shaded, &brightness, &mask, &wall, &limits, &marks, options.skin_mm);
+        label::assign(&shaded, inner, &mask, &wall, &limits, &marks, options.skin_mm);
 
     border::check_faces(&labels, &frame, &limits)?;
 

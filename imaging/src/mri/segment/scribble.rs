@@ -7,6 +7,7 @@
 //! and fat replace the clustering. And no surface of the chest wall passes a mark on its wrong side.
 
 use super::error::SegmentError;
+use super::filter;
 use super::frame::Frame;
 use super::polar::Polar;
 use super::tissue::Classes;
@@ -56,16 +57,6 @@ impl Class {
             Self::Muscle => 0.17,
         }
     }
-
-    fn needed(self) -> Option<&'static str> {
-        match self {
-            Self::Air => Some("air (10)"),
-            Self::Fat => Some("fat (1, 2 or 9)"),
-            Self::Gland => Some("gland (3, 4)"),
-            Self::Muscle => Some("muscle (6)"),
-            Self::Skin => None,
-        }
-    }
 }
 
 /// Marked voxels of a class below this number tell nothing of it.
@@ -78,6 +69,14 @@ const LEAST_SPREAD: f64 = 0.08;
 const FAT: f64 = 1000.0;
 /// Keeps the shading flat where few marks tell of it.
 const FLAT: f64 = 1e-3;
+
+/// An image in the contrast that the segmentation knows.
+pub(super) struct Recoloured {
+    /// All of it.
+    pub image: Volume<f32>,
+    /// Between fat and gland alone, in units of fat: a voxel that shares in both is no muscle there.
+    pub breast: Volume<f32>,
+}
 
 /// The marked voxels.
 pub(super) struct Marks {
@@ -132,17 +131,20 @@ impl Marks {
         &self,
         image: &Volume<f32>,
         frame: &Frame,
-    ) -> Result<Option<Volume<f32>>, SegmentError> {
+    ) -> Result<Option<Recoloured>, SegmentError> {
         if self.voxels.is_empty() {
             return Ok(None);
         }
         let shading = Shading::fitted(self, image, frame);
-        let level = |class: Class| {
-            let own = self.of(image, class).map(|(value, p)| match class {
-                Class::Air => value,
-                _ => value - shading.at(p),
-            });
-            Level::of(own.collect())
+        // Noise of air is no darker than air, and its mean over neighbours is less noisy.
+        let mut calm = image.values.clone();
+        filter::box_blur(&mut calm, image.grid.shape, [1; 3]);
+        let calm = |n: usize| f64::from(calm[n].min(image.values[n]).max(1e-6)).ln();
+        let marks_of =
+            |class: Class| self.voxels.iter().filter(move |mark| Class::of(mark.1) == Some(class));
+        let level = |class: Class| match class {
+            Class::Air => Level::above(marks_of(class).map(|mark| calm(mark.0)).collect()),
+            _ => Level::of(self.of(image, class).map(|(value, p)| value - shading.at(p)).collect()),
         };
         let levels = Class::ALL.map(level);
         let [air, fat, gland, _, muscle] = levels;
@@ -153,39 +155,48 @@ impl Marks {
         if bright(muscle, BRIGHT_FAT[0]) && bright(gland, BRIGHT_FAT[1]) {
             return Ok(None);
         }
-        let missing: Vec<&str> =
-            [(air, Class::Air), (gland, Class::Gland), (muscle, Class::Muscle)]
-                .into_iter()
-                .filter(|(level, _)| level.is_none())
-                .filter_map(|(_, class)| class.needed())
-                .collect();
-        if !missing.is_empty() {
+        let (Some(fat), Some(gland), Some(_), Some(_)) = (fat, gland, muscle, air) else {
+            let wanted = [(air, "air (10)"), (gland, "gland (3, 4)"), (muscle, "muscle (6)")];
+            let missing = wanted.iter().filter(|(level, _)| level.is_none());
+            let missing: Vec<&str> = missing.map(|(_, words)| *words).collect();
             return Err(SegmentError::ScribblesMissing { missing: missing.join(", ") });
-        }
+        };
         let known: Vec<(Class, Level)> =
             Class::ALL.into_iter().zip(levels).filter_map(|(c, l)| Some((c, l?))).collect();
-        let mean = |a: f64, (_, level): &(Class, Level)| a.max(level.mean);
-        let brightest = known.iter().fold(f64::NEG_INFINITY, mean);
+        let brightest = known.iter().map(|(_, l)| l.mean).fold(f64::NEG_INFINITY, f64::max);
+        let [dark, bright] = [fat.mean.exp(), gland.mean.exp()];
         let slice = self.grid.shape[0] * self.grid.shape[1];
         let mut values = image.values.clone();
-        values.par_chunks_mut(slice).enumerate().for_each(|(k, values)| {
-            for (n, value) in values.iter_mut().enumerate() {
-                let voxel = self.grid.voxel(k * slice + n).map(|v| v as f64);
+        let mut breast = image.values.clone();
+        let slices = values.par_chunks_mut(slice).zip(breast.par_chunks_mut(slice)).enumerate();
+        slices.for_each(|(k, (values, breast))| {
+            for (n, (value, inner)) in values.iter_mut().zip(breast).enumerate() {
+                let n = k * slice + n;
+                let voxel = self.grid.voxel(n).map(|v| v as f64);
                 let p = frame.body_from_voxel.apply(&Vec3::from(voxel));
-                let raw = f64::from(value.max(1e-6)).ln();
-                let even = (raw - shading.at(&p)).min(brightest);
+                let even = f64::from(value.max(1e-6)).ln() - shading.at(&p);
                 let (mut sum, mut total) = (0.0, 1e-30);
                 for (class, level) in &known {
-                    // Noise of air is not shaded; what is darker than its mean is air.
-                    let x = if *class == Class::Air { raw.max(level.mean) } else { even };
+                    let x = match class {
+                        Class::Air => calm(n).max(level.mean),
+                        _ => even.min(brightest),
+                    };
                     let likely = level.density(x);
                     sum += likely * class.nominal();
                     total += likely;
                 }
                 *value = (FAT * sum / total).max(FAT * Class::Air.nominal()) as f32;
+                let share = ((even.exp() - dark) / (bright - dark)).clamp(-0.5, 1.5);
+                *inner = (1.0 - share * (1.0 - Class::Gland.nominal())) as f32;
             }
         });
-        Ok(Some(Volume { grid: image.grid.clone(), values }))
+        let volume = |values| Volume { grid: image.grid.clone(), values };
+        Ok(Some(Recoloured { image: volume(values), breast: volume(breast) }))
+    }
+
+    /// Places (mm, body's axes) that are marked as muscle or what lies behind it.
+    pub(super) fn behind(&self) -> impl Iterator<Item = &Vec3> {
+        self.voxels.iter().filter(|mark| mark.1.is_chest_wall()).map(|mark| &mark.2)
     }
 
     /// `found`, but for what marks of gland and fat say; `brightness` in units of fat.
@@ -263,6 +274,15 @@ impl Level {
         Some(Self { mean, spread: variance.sqrt().max(LEAST_SPREAD) })
     }
 
+    /// The same, with the deviation of those above the mean alone: zeros have no logarithm.
+    fn above(values: Vec<f64>) -> Option<Self> {
+        let mean = Self::of(values.clone())?.mean;
+        let above: Vec<f64> = values.into_iter().filter(|v| *v > mean).collect();
+        let square = above.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+        let spread = (square / above.len().max(1) as f64).sqrt().max(LEAST_SPREAD);
+        Some(Self { mean, spread })
+    }
+
     fn density(&self, x: f64) -> f64 {
         let z = (x - self.mean) / self.spread;
         // A floor, so that far from all classes the nearest still decides.
@@ -275,6 +295,8 @@ struct Shading {
     middle: Vec3,
     half: Vec3,
     coefficients: Vec<f64>,
+    /// Least and greatest at the marks: nothing is known beyond.
+    range: [f64; 2],
 }
 
 impl Shading {
@@ -286,14 +308,16 @@ impl Shading {
     }
 
     fn at(&self, p: &Vec3) -> f64 {
-        self.terms(p).iter().zip(&self.coefficients).map(|(a, b)| a * b).sum()
+        let sum: f64 = self.terms(p).iter().zip(&self.coefficients).map(|(a, b)| a * b).sum();
+        sum.clamp(self.range[0], self.range[1])
     }
 
     /// Least squares: each class has one brightness, and all share the polynomial.
     fn fitted(marks: &Marks, image: &Volume<f32>, frame: &Frame) -> Self {
         let half = (0.5 * (frame.high - frame.low)).map(|v| v.max(1.0));
         let middle = 0.5 * (frame.high + frame.low);
-        let mut shading = Self { middle, half, coefficients: vec![0.0; Self::TERMS] };
+        let range = [f64::NEG_INFINITY, f64::INFINITY];
+        let mut shading = Self { middle, half, coefficients: vec![0.0; Self::TERMS], range };
         let size = Self::TERMS + Class::SHADED.len();
         let mut normal = DMatrix::<f64>::zeros(size, size);
         let mut right = DVector::<f64>::zeros(size);
@@ -313,6 +337,15 @@ impl Shading {
         }
         if let Some(solved) = normal.cholesky().map(|factor| factor.solve(&right)) {
             shading.coefficients = solved.as_slice()[..Self::TERMS].to_vec();
+            let marked = Class::SHADED.into_iter().flat_map(|class| marks.of(image, class));
+            let range = marked
+                .map(|(_, p)| shading.at(p))
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+                    [low.min(value), high.max(value)]
+                });
+            if range[0] <= range[1] {
+                shading.range = range;
+            }
         }
         shading
     }

@@ -1,9 +1,10 @@
-//! The chest wall: front and rear surfaces of the pectoral muscle.
+//! The chest wall: the front of the pectoral muscle (its rear: `rear`).
 
 use super::body::{self, Body};
 use super::filter;
 use super::frame::sample_clamped;
 use super::polar::Polar;
+use super::rear;
 use super::scribble::{Bounds, Marks};
 use super::search::{Columns, optimal_surface, smooth_map};
 use super::shading::Shaded;
@@ -14,11 +15,6 @@ use mammotwin_data::volume::Volume;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// Thickness (mm) of the belly of the muscle where its rear is not seen; half-way between the
-/// sternum and the side.
-pub const NOMINAL_MUSCLE_MM: f64 = 10.0;
-/// Thickness (mm) of the muscle at the sternum and at the side where its rear is not seen.
-const NOMINAL_THIN_MM: f64 = 4.0;
 /// Tissue darker than a fraction of fat is not fat. Between these two the image decides: muscle
 /// and liver have a tenth to a quarter of fat's brightness in a T2 weighted image, two fifths to
 /// three fifths in a T1 weighted one.
@@ -47,7 +43,7 @@ const BAND_MM: f64 = 24.0;
 /// Cost of passing a mark on its wrong side: several times what the image has to say.
 const WRONG_SIDE: f32 = 6.0;
 /// Weight of a mark over that of a clear edge.
-const MARKED: f32 = 10.0;
+pub(super) const MARKED: f32 = 10.0;
 /// Step (mm) of the search.
 const STEP_MM: f64 = 1.0;
 
@@ -106,7 +102,7 @@ pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body, marks: &Marks
     let surface = outermost(&polar, &tissue);
     let bounds = marks.bounds(&polar);
     let fat_above = fat_above(work, body);
-    let core = dark_core(work, &tissue, &fat_above);
+    let core = dark_core(work, &tissue, &fat_above, marks);
     let mut outer_dark = outermost(&polar, &core);
     // Bridges the gaps between ribs, where thin muscle is lost.
     let [n_u, n_v] = polar.shape;
@@ -122,7 +118,7 @@ pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body, marks: &Marks
     for column in (0..polar.len()).filter(|&column| bounds.tells(column)) {
         outer_dark[column] = bounds.front(column, outer_dark[column]);
     }
-    let prior = near_elliptic(&polar, &outer_dark, &surface)?;
+    let prior = near_elliptic(&polar, &outer_dark, &surface, &bounds)?;
     fill_inside(&mut tissue, &polar, &prior, COVER_OF_PRIOR_MM);
     let rough = search_front(&polar, work, &tissue, &prior, &surface, &fat_above, &bounds);
     let (mut front, contrast) = refine(&polar, fine, &rough, &bounds);
@@ -130,7 +126,7 @@ pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body, marks: &Marks
     for (front, surface) in front.iter_mut().zip(&surface).filter(|(_, surface)| **surface > 0.0) {
         *front = front.min(surface - THINNEST_COVER_MM).max(1.0);
     }
-    let (rear, rear_seen) = search_rear(&polar, fine, &front, &contrast, &bounds);
+    let (rear, rear_seen) = rear::search(&polar, fine, &front, &contrast, &bounds);
     Some(Wall { polar, front, rear, surface, contrast, rear_seen, whole_back: body.whole_back })
 }
 
@@ -203,9 +199,14 @@ fn end_of_fat(polar: &Polar, work: &Volume<f32>, column: usize, surface: f32) ->
     None
 }
 
-/// Dark tissue that hangs together with the inside of the thorax through more than thin bridges:
-/// neither skin nor gland behind a layer of fat.
-fn dark_core(work: &Volume<f32>, tissue: &Volume<f32>, fat_above: &[f32]) -> Volume<f32> {
+/// Dark tissue that hangs together with the inside of the thorax, or with what is marked there, through
+/// more than thin bridges: neither skin nor gland behind a layer of fat.
+fn dark_core(
+    work: &Volume<f32>,
+    tissue: &Volume<f32>,
+    fat_above: &[f32],
+    marks: &Marks,
+) -> Volume<f32> {
     let shape = work.grid.shape;
     let mut smooth = work.values.clone();
     filter::box_blur(&mut smooth, shape, [1; 3]);
@@ -217,10 +218,20 @@ fn dark_core(work: &Volume<f32>, tissue: &Volume<f32>, fat_above: &[f32]) -> Vol
     let mut light: Vec<f32> = dark.iter().map(|&d| f32::from(u8::from(!d))).collect();
     filter::maximum(&mut light, shape, 1);
     let eroded: Vec<bool> = light.iter().map(|&l| l < 0.5).collect();
+    let to_voxel = work.grid.to_voxel();
+    let seeds: Vec<usize> = marks
+        .behind()
+        .map(|p| to_voxel.apply(p).map(f64::round))
+        .filter(|v| (0..3).all(|axis| v[axis] >= 0.0 && v[axis] < shape[axis] as f64))
+        .map(|v| work.grid.index([0, 1, 2].map(|axis| v[axis] as usize)))
+        .collect();
+    let marked = body::reached(&eroded, shape, &seeds);
     let mut core: Vec<f32> = body::largest_component(&eroded, shape)
         .unwrap_or(eroded)
         .iter()
-        .map(|&c| f32::from(u8::from(c)))
+        .zip(&marked)
+        .map(|(largest, marked)| *largest || *marked)
+        .map(|c| f32::from(u8::from(c)))
         .collect();
     // Grown back within the dark tissue: over what the erosion took, and thin muscle beside it.
     for _ in 0..4 {
@@ -234,7 +245,12 @@ fn dark_core(work: &Volume<f32>, tissue: &Volume<f32>, fat_above: &[f32]) -> Vol
 ///
 /// Chebyshev polynomials of the angle and the height, fitted with Tukey's biweight: gland that
 /// touches the muscle lies outside of the wall and loses its weight.
-fn near_elliptic(polar: &Polar, outer_dark: &[f32], surface: &[f32]) -> Option<Vec<f32>> {
+fn near_elliptic(
+    polar: &Polar,
+    outer_dark: &[f32],
+    surface: &[f32],
+    bounds: &Bounds,
+) -> Option<Vec<f32>> {
     const DEGREE: [usize; 2] = [8, 6];
     let chebyshev = |order: usize, x: f64| (order as f64 * x.clamp(-1.0, 1.0).acos()).cos();
     let n_basis = (DEGREE[0] + 1) * (DEGREE[1] + 1);
@@ -252,7 +268,11 @@ fn near_elliptic(polar: &Polar, outer_dark: &[f32], surface: &[f32]) -> Option<V
         return None;
     }
     let bases: Vec<DVector<f64>> = (0..polar.len()).map(basis).collect();
-    let mut weight = vec![1.0; known.len()];
+    // What is marked weighs as much as all the rest, and is no outlier.
+    let marked = known.iter().filter(|&&column| bounds.tells(column)).count();
+    let of_mark = known.len() as f64 / marked.max(1) as f64;
+    let full = |column: usize| if bounds.tells(column) { of_mark } else { 1.0 };
+    let mut weight: Vec<f64> = known.iter().map(|&column| full(column)).collect();
     let mut fit = vec![0.0f32; polar.len()];
     for pass in 0..10 {
         let mut normal = DMatrix::<f64>::identity(n_basis, n_basis) * (1e-4 * known.len() as f64);
@@ -269,7 +289,8 @@ fn near_elliptic(polar: &Polar, outer_dark: &[f32], surface: &[f32]) -> Option<V
         let scale = [40.0, 30.0, 25.0, 20.0, 15.0][pass.min(4)];
         for (&column, w) in known.iter().zip(weight.iter_mut()) {
             let ratio = f64::from(outer_dark[column] - fit[column]) / scale;
-            *w = (1.0 - ratio * ratio).max(0.0).powi(2);
+            let outlier = (1.0 - ratio * ratio).max(0.0).powi(2);
+            *w = if bounds.tells(column) { of_mark } else { outlier };
         }
     }
     Some(fit)
@@ -388,96 +409,4 @@ fn refine(polar: &Polar, fine: &Shaded, rough: &[f32], bounds: &Bounds) -> (Vec<
         *front = bounds.front(n, *front);
     }
     (front, contrast)
-}
-
-/// x of the middle of the wall, its half width, and its depth in front of the axis (mm): medians over
-/// the rows.
-fn half_axes(polar: &Polar, front: &[f32]) -> [f64; 3] {
-    let [n_u, n_v] = polar.shape;
-    let mut all = [(); 3].map(|()| Vec::with_capacity(n_v));
-    for row in 0..n_v {
-        let (mut low, mut high) = (Vec3::repeat(f64::MAX), Vec3::repeat(f64::MIN));
-        for column in row * n_u..(row + 1) * n_u {
-            let p = polar.point(column, f64::from(front[column]));
-            (low, high) = (low.inf(&p), high.sup(&p));
-        }
-        let of_row = [0.5 * (low.x + high.x), 0.5 * (high.x - low.x), high.y - polar.axis[1]];
-        all.iter_mut().zip(of_row).for_each(|(all, value)| all.push(value));
-    }
-    let [mut middle, mut wide, mut deep] = all;
-    let half = |values: &mut Vec<f64>| body::median(values).unwrap_or(1.0);
-    [half(&mut middle), half(&mut wide).max(1.0), half(&mut deep).max(1.0)]
-}
-
-/// Rear of the muscle: a smooth surface behind the front where it gets brighter again (fat between
-/// the ribs, marrow), at about its nominal thickness; which it has where nothing is seen. Returns
-/// radii and the fraction of columns that show it.
-fn search_rear(
-    polar: &Polar,
-    fine: &Shaded,
-    front: &[f32],
-    contrast: &[f32],
-    bounds: &Bounds,
-) -> (Vec<f32>, f64) {
-    const PER_MM: f32 = 0.08;
-    let (thinnest, n_offset) = (3usize, 13usize);
-    let thickness = |n: usize| (thinnest + n) as f32;
-    let axes = half_axes(polar, front);
-    let nominal = |column: usize| {
-        let p = polar.point(column, f64::from(front[column]));
-        let [u, v] = [(p.x - axes[0]) / axes[1], (p.y - polar.axis[1]).max(0.0) / axes[2]];
-        let belly = (2.0 * u * v / (u * u + v * v).max(1e-9)).powi(2);
-        (NOMINAL_THIN_MM + (NOMINAL_MUSCLE_MM - NOMINAL_THIN_MM) * belly) as f32
-    };
-    let penalty = |column: usize, n: usize| PER_MM * (thickness(n) - nominal(column)).abs();
-    let mut cost = vec![0.0f32; polar.len() * n_offset];
-    cost.par_chunks_mut(n_offset).enumerate().for_each(|(column, cost)| {
-        let depth = |mm: f64| {
-            let radius = (f64::from(front[column]) - mm).max(0.0);
-            fine.at(&polar.point(column, radius)).unwrap_or(0.0).min(1.0)
-        };
-        let profile: Vec<f32> =
-            (0..2 * (thinnest + n_offset + 4)).map(|n| depth(0.5 * n as f64)).collect();
-        let mean = |range: std::ops::Range<usize>| {
-            profile[range.clone()].iter().sum::<f32>() / range.len() as f32
-        };
-        for (n, cost) in cost.iter_mut().enumerate() {
-            let at = 2 * (thinnest + n);
-            *cost = penalty(column, n) - (mean(at..at + 5) - mean(at - 5..at));
-        }
-    });
-    let [n_u, n_v] = polar.shape;
-    let columns = Columns { n_u, n_v, n_offset, cost };
-    let offsets = optimal_surface(&columns, 0.15);
-    let mut data: Vec<f32> = (0..polar.len()).map(nominal).collect();
-    let mut weight = vec![0.02f32; polar.len()];
-    let mut n_seen = 0;
-    for column in 0..polar.len() {
-        let n = offsets[column];
-        let edge = penalty(column, n) - columns.cost[column * n_offset + n];
-        if contrast[column] > 0.3 && edge > 0.15 {
-            data[column] = thickness(n);
-            weight[column] = 1.0;
-            n_seen += 1;
-        }
-    }
-    let mut smooth = smooth_map(&data, &weight, polar.shape, [20.0, 20.0]);
-    let rear = |smooth: &[f32], c: usize| front[c] - smooth[c].clamp(2.0, 20.0);
-    let wrong = |smooth: &[f32], c: usize| {
-        let radius = rear(smooth, c);
-        let held = bounds.rear(c, radius);
-        (held != radius).then_some(front[c] - held)
-    };
-    let mut moved = false;
-    for column in 0..polar.len() {
-        if let Some(thickness) = wrong(&smooth, column) {
-            (data[column], weight[column]) = (thickness, MARKED);
-            moved = true;
-        }
-    }
-    if moved {
-        smooth = smooth_map(&data, &weight, polar.shape, [20.0, 20.0]);
-    }
-    let rear = (0..polar.len()).map(|c| bounds.rear(c, rear(&smooth, c)).min(front[c])).collect();
-    (rear, f64::from(n_seen) / polar.len() as f64)
 }

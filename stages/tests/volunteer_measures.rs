@@ -1,0 +1,131 @@
+//! What is measured of a breast against the digital volunteer, whose skin, nipple and gland are known:
+//! stress-free, on voxels of 1 mm, from her true labels.
+
+#![allow(clippy::unwrap_used)] // a test may fail at once
+
+use mammotwin_data::{
+    Vec3,
+    labels::{LabelMap, Side, Tissue},
+    progress::Silent,
+    store::Stage,
+    volume::{Grid, Volume},
+};
+use mammotwin_imaging::mri::synthesize::{self, Coil, Sample, Scan, Substance};
+use mammotwin_stages::{
+    measure::{Measure, NippleFrom, PoseMeasures},
+    surface::Surface,
+    volunteer::{Preset, Torso, torso},
+};
+
+/// What is at a place of the stress-free body; behind the chest wall there is muscle, then lung.
+fn sample(torso: &Torso, p: &Vec3) -> Sample {
+    let chest_wall = torso.chest_wall(p);
+    let (substance, tissue) = match chest_wall {
+        depth if depth > 0.0 => torso.soft(p, chest_wall),
+        depth if depth > -8.0 => (Substance::Muscle, Tissue::PectoralMuscle),
+        _ => (Substance::Lung, Tissue::Thorax),
+    };
+    Sample { substance, tissue, material: *p }
+}
+
+/// Both breasts of a person, with a coil in front of each and noise as her scans have it.
+fn scanned(torso: &Torso, voxel_mm: f64) -> (Volume<f32>, LabelMap) {
+    let low = Vec3::new(-140.0, 30.0, -85.0);
+    let high = Vec3::new(140.0, 160.0, 85.0);
+    let shape = [0, 1, 2].map(|axis| ((high[axis] - low[axis]) / voxel_mm) as usize);
+    let grid = Grid::aligned(shape, [voxel_mm; 3], low);
+    let centers = vec![Vec3::new(75.0, 150.0, 20.0), Vec3::new(-75.0, 150.0, -20.0)];
+    let coil = Coil { centers, reach_mm: 75.0, floor: 0.1 };
+    let scan = Scan { coil, fat: 800.0, noise: 800.0 / 55.0, noise_seed: 3, texture_seed: 4 };
+    let picture = synthesize::scan(&grid, &scan, &|p: &Vec3| sample(torso, p), &Silent);
+    (picture.magnitude, picture.labels)
+}
+
+fn measured(image: &Volume<f32>, labels: &LabelMap) -> PoseMeasures {
+    let surfaces = Surface::default().run(labels, &Silent).unwrap();
+    Measure.run(&(image.clone(), labels.clone(), surfaces, None, None), &Silent).unwrap()
+}
+
+#[test]
+fn skin_nipple_and_volumes_come_near_those_of_the_volunteer() {
+    let torso = Torso::new(Preset::named("small").unwrap().person(51), 51);
+    let (image, mut labels) = scanned(&torso, 1.0);
+    // A person who labels by hand may leave the areola to the skin: the shape has to tell.
+    for tissue in labels.values.iter_mut().filter(|t| **t == Tissue::NippleAreola) {
+        *tissue = Tissue::Skin;
+    }
+    let found = measured(&image, &labels);
+
+    // Skin: its true thickness is a function of place.
+    let errors: Vec<f64> = found
+        .skin
+        .points
+        .iter()
+        .zip(&found.skin_mm)
+        .map(|(p, mm)| (mm - torso.skin_mm(p), p))
+        .filter(|(_, p)| (*p - torso.nearer(p).apex).norm() > 20.0)
+        .map(|(error, _)| error)
+        .collect();
+    let count = errors.len() as f64;
+    let mean = errors.iter().sum::<f64>() / count;
+    let rms = (errors.iter().map(|e| e * e).sum::<f64>() / count).sqrt();
+    println!("skin beside the areola: {count} places, mean error {mean:.3} mm, rms {rms:.3} mm");
+    assert!(count > 5000.0, "{count} places");
+    assert!(mean.abs() < 0.2 && rms < 0.35);
+
+    for one in &found.sides {
+        let side = one.side;
+        let frame = &torso.breasts[usize::from(side == Side::Left)];
+        let true_skin: Vec<f64> = {
+            let own = found.skin.points.iter().filter(|p| p.x * side.sign() > 0.0);
+            let mut all: Vec<f64> = own.map(|p| torso.skin_mm(p)).collect();
+            all.sort_by(f64::total_cmp);
+            [0.05, 0.5, 0.95].map(|share| all[(share * (all.len() - 1) as f64) as usize]).to_vec()
+        };
+        let skin = one.skin.unwrap();
+        let tip = frame.apex + 6.0 * frame.outward;
+        let off = (one.nipple_mm - tip).norm();
+        let [_, _, out] = torso::local(frame, &one.nipple_mm);
+        println!(
+            "{}: skin {:.2} ({:.2} - {:.2}) mm, true {true_skin:.2?}, told on {:.0} %; nipple {:.1} mm \
+             from its tip, by {}; protrusion {:.1} mm, nipple {out:.1} mm over the base; {:.0} cm3, gland \
+             {:.3}",
+            side.name(),
+            skin.median_mm,
+            skin.p05_mm,
+            skin.p95_mm,
+            100.0 * skin.seen,
+            off,
+            one.nipple_from.name(),
+            one.protrusion_mm,
+            one.volume_cm3,
+            one.gland_share
+        );
+        assert!((skin.median_mm - true_skin[1]).abs() < 0.25);
+        assert_eq!(one.nipple_from, NippleFrom::Bump);
+        assert!(off < 4.0, "{off} mm");
+        let exact = frame.apex + 6.0 * frame.outward;
+        let height = torso.chest_wall(&exact);
+        assert!((one.protrusion_mm - height).abs() < 2.5, "{} {height}", one.protrusion_mm);
+        let count = |of: &dyn Fn(Tissue) -> bool| {
+            let own = labels.values.iter().enumerate().filter(|(n, t)| {
+                of(**t) && labels.grid.center(labels.grid.voxel(*n)).x * side.sign() > 0.0
+            });
+            own.count() as f64 * labels.grid.voxel_mm3() / 1000.0
+        };
+        assert!((one.volume_cm3 / count(&Tissue::is_breast) - 1.0).abs() < 0.01);
+        assert!((one.gland_cm3 - count(&Tissue::is_gland)).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn voxels_that_do_not_resolve_skin_give_no_thickness() {
+    let torso = Torso::new(Preset::named("small").unwrap().person(52), 52);
+    let (image, labels) = scanned(&torso, 2.5);
+    let found = measured(&image, &labels);
+    assert!(found.skin_mm.is_empty() && found.no_skin.contains("2.5 mm do not resolve"));
+    assert!(found.sides.iter().all(|one| one.skin.is_none()));
+    let metrics = found.metrics("supine");
+    assert!(metrics.iter().all(|m| !m.name.contains("skin")) && metrics.len() == 14);
+    assert!(found.sides.iter().all(|one| one.nipple_from == NippleFrom::Label));
+}
