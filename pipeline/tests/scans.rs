@@ -84,10 +84,17 @@ fn a_scan_may_stand_for_an_image() {
         checked.contains("scans.tilted.surface") && checked.contains("triangles over"),
         "{checked}"
     );
-    let ran = mammotwin(&["run", &file]);
-    assert!(ran.contains("validate:tilted"), "{ran}");
     // The fit does not read it, and is kept.
-    assert!(!ran.contains("calibrate:"), "{ran}");
+    let planned = mammotwin(&["run", &file, "--dry-run"]);
+    let anew: Vec<&str> = planned
+        .lines()
+        .filter(|line| !line.ends_with("  reuse"))
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
+    let has = |stage: &str| anew.contains(&stage);
+    assert!(has("place_scan:tilted") && has("validate:tilted"), "{planned}");
+    assert!(!has("calibrate") && !has("mesh"), "{planned}");
+    mammotwin(&["run", &file]);
     let found = tilted(folder.path());
     println!(
         "modified Hausdorff distance, before and after: image {imaged:.2?}, scan {found:.2?} mm"
