@@ -27,19 +27,19 @@ fn assembly(bench: &mut Criterion) {
         let mut assembly = Assembly::new(&model).unwrap();
         let state = State::new(&model, points.clone(), Load::GRAVITY);
         let (mut gradient, mut values, mut pressure) = (Vec::new(), Vec::new(), Vec::new());
-        let mut system = |bench: &mut Criterion, name: String| {
-            bench.bench_function(&name, |b| {
-                b.iter(|| {
-                    assembly
-                        .newton_system(&model, &state, Curvature::Exact, &mut gradient, &mut values)
-                        .unwrap();
+        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        for (cores, pool) in [("", None), ("/one_core", Some(&one))] {
+            let mut system = || {
+                let exact = Curvature::Exact;
+                assembly.newton_system(&model, &state, exact, &mut gradient, &mut values).unwrap();
+            };
+            bench.bench_function(&format!("newton_system/{name}{cores}"), |b| {
+                b.iter(|| match pool {
+                    Some(pool) => pool.install(&mut system),
+                    None => system(),
                 });
             });
-        };
-        system(bench, format!("newton_system/{name}"));
-        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        // Criterion itself need not run in the pool, but what it measures does.
-        one.install(|| system(bench, format!("newton_system/{name}/one_core")));
+        }
         bench.bench_function(&format!("energy/{name}"), |b| {
             b.iter(|| assembly.energy(&model, &state, &points, &mut pressure).unwrap());
         });
