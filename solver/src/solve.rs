@@ -92,7 +92,7 @@ pub enum SolveError {
         /// What happened.
         why: String,
         /// Where the body gives way.
-        place: Place,
+        place: Box<Place>,
         /// Fraction of the load that was carried.
         load_fraction: f64,
         /// What to try.
@@ -111,7 +111,7 @@ pub enum SolveError {
         /// Negative eigenvalues of the second derivatives of the energy where the search ended.
         falling: usize,
         /// Where forces are farthest from balance.
-        place: Place,
+        place: Box<Place>,
         /// Fraction of the load that was carried.
         load_fraction: f64,
         /// The last state in equilibrium, if any.

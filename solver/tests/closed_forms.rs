@@ -117,8 +117,8 @@ impl Column {
     }
 }
 
-/// Verifies: column in a tube under its weight, linear tetrahedra, ν 0.49, 0.499 | closed form of stretch and pressure over height | 1 %, stress 2 %
-/// Verifies: the same, quadratic tetrahedra | closed form | 0.1 %, stress 1 %
+/// Verifies: column in a tube under its weight, linear tetrahedra, ν 0.49, 0.499 | closed form of stretch and pressure over height | 0.5 %, stress 3 %, first order
+/// Verifies: the same, quadratic tetrahedra | closed form | 1e-6, stress 1e-5
 #[test]
 fn a_column_bears_the_pressure_of_what_is_above() {
     for poisson in [0.49, 0.499] {
@@ -129,11 +129,11 @@ fn a_column_bears_the_pressure_of_what_is_above() {
             "ν {poisson}: {below:.4} kPa below for {whole:.4} of water, sinks {:.4} mm",
             column.sinks_mm()
         );
-        for (is_quadratic, most) in [(false, [0.01, 0.02]), (true, [0.001, 0.01])] {
+        for (is_quadratic, most) in [(false, [0.005, 0.03]), (true, [1e-6, 1e-5])] {
             let errors = [10, 20].map(|layers| column.errors(layers, is_quadratic));
             println!("quadratic {is_quadratic}: {errors:?}");
             assert!(errors[1][0] < most[0] && errors[1][1] < most[1], "{errors:?}");
-            assert!(errors[1][1] < errors[0][1], "{errors:?}");
+            assert!(errors[1][1] < 0.6 * errors[0][1], "{errors:?}");
         }
     }
 }

@@ -196,7 +196,7 @@ fn refused(error: SolveError) -> (String, Place, f64, &'static str) {
     // All of it is told.
     let told = [why.as_str(), place.term.as_str(), remedy].iter().all(|part| text.contains(*part));
     assert!(told && text.contains(&format!("element {}", place.element)), "{text}");
-    (why, place, load_fraction, remedy)
+    (why, *place, load_fraction, remedy)
 }
 
 /// Verifies: contact that cannot close | the node that is held farthest from it | exact

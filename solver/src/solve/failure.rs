@@ -51,6 +51,7 @@ pub(super) fn stopped(
         }
         Failure::Friction => (of_contact(model, state, |c| c.friction_lag, |c| c.worst_lag), None),
     };
+    let place = Box::new(place);
     if falling > 0 && refusal.is_none() {
         return SolveError::NoStableState { falling, place, load_fraction, last };
     }
