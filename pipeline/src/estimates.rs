@@ -69,7 +69,8 @@ fn markers(found: &Fiducials) -> Option<Value> {
             "normal_mean_mm": summary.normal_mean_mm,
         })
     };
-    let miss = |miss: &Miss| json!({ "normal_mm": miss.normal_mm, "tangential_mm": miss.tangential_mm });
+    let miss =
+        |miss: &Miss| json!({ "normal_mm": miss.normal_mm, "tangential_mm": miss.tangential_mm });
     let mut each = Map::new();
     for marker in &found.markers {
         let mut told = miss(&marker.after);

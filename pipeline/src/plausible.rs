@@ -249,7 +249,8 @@ fn common_landmarks(study: &Study, marked: &[(&String, Landmarks)]) -> Vec<Findi
 /// Markers on the breasts test how far tissue slides along the skin; a study without them works.
 fn missing_fiducials(study: &Study, marked: &[(&String, Landmarks)]) -> Vec<Finding> {
     let reference = study.reference_pose();
-    let of = |pose: &str| marked.iter().find(|(name, _)| *name == pose).map(|(_, landmarks)| landmarks);
+    let of =
+        |pose: &str| marked.iter().find(|(name, _)| *name == pose).map(|(_, landmarks)| landmarks);
     let none = |name: &&String| match (of(reference), of(name)) {
         (Some(fixed), Some(own)) => fiducials::pairs(fixed, own).is_empty(),
         _ => true,

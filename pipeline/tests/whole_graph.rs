@@ -174,7 +174,10 @@ fn what_is_held_out_is_read_by_no_fit(study: &Path) {
     let has = |name: &str| anew.iter().any(|stage| stage == name);
     let own = ["align", "segment", "surface", "register", "validate", "fiducials"];
     assert!(own.iter().all(|stage| has(&format!("{stage}:tilted"))), "{anew:?}");
-    assert!(!anew.iter().any(|stage| stage.ends_with(":supine") || stage.ends_with(":prone")), "{anew:?}");
+    assert!(
+        !anew.iter().any(|stage| stage.ends_with(":supine") || stage.ends_with(":prone")),
+        "{anew:?}"
+    );
     let fitted = ["mesh", "calibrate", "compress", "phantom", "mammogram", "quality"];
     assert!(!fitted.iter().any(|stage| has(stage)), "{anew:?}");
     for (file, bytes) in files.iter().zip(kept) {

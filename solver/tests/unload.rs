@@ -165,7 +165,10 @@ fn tried(case: Case, method: Method) -> Tried {
     let model = case.model(&body, truth).unwrap();
     let options = unload::Options { method, ..unload::Options::default() };
     let loaded = solve(&model, truth, &options.solve, &Silent).unwrap();
-    let squares = loaded.deformation_gradient.iter().map(|f| (f.transpose() * f).symmetric_eigenvalues().max());
+    let squares = loaded
+        .deformation_gradient
+        .iter()
+        .map(|f| (f.transpose() * f).symmetric_eigenvalues().max());
     let stretch = squares.fold(0.0, f64::max).sqrt();
     let build = |rest: &[Vec3]| case.model(&body, rest);
     let found = match stress_free(&loaded.points, &loaded.points, build, &options, &Silent) {
@@ -186,16 +189,17 @@ fn the_published_fixed_point_finds_small_stretches_and_fails_beyond_two() {
     let small = tried(bonded(2.0, PRONE), Method::Plain);
     assert!(small.stretch < 2.0 && small.newton_steps == 0, "{}", small.stretch);
     assert!(small.rms_mm < 0.05 && small.off_mm < 0.5, "{} {}", small.rms_mm, small.off_mm);
-    let large = tried(bonded(0.3, PRONE), Method::Plain);
+    let large = tried(bonded(0.4, PRONE), Method::Plain);
     assert!(large.stretch > 2.0, "{}", large.stretch);
     assert!(large.rms_mm > 1.0, "{}", large.rms_mm);
 }
 
 /// Verifies: stress-free shape, damped fixed point and inverse motion | known truth | round trip 0.05 mm
 #[test]
-fn the_damped_fixed_point_and_the_inverse_motion_return_to_the_shape_where_the_published_one_fails() {
+fn the_damped_fixed_point_and_the_inverse_motion_return_to_the_shape_where_the_published_one_fails()
+{
     for method in [Method::FixedPoint, Method::Inverse] {
-        let found = tried(bonded(0.3, PRONE), method);
+        let found = tried(bonded(0.4, PRONE), method);
         assert!(found.stretch > 2.0 && found.rms_mm < 0.05, "{method:?}: {}", found.rms_mm);
     }
 }

@@ -105,7 +105,8 @@ pub struct Summary {
 impl Summary {
     /// Of some misses; `None` of none.
     pub fn of(misses: &[Miss]) -> Option<Self> {
-        let mean = |of: &dyn Fn(&Miss) -> f64| misses.iter().map(of).sum::<f64>() / misses.len() as f64;
+        let mean =
+            |of: &dyn Fn(&Miss) -> f64| misses.iter().map(of).sum::<f64>() / misses.len() as f64;
         let max = |of: &dyn Fn(&Miss) -> f64| misses.iter().map(of).fold(0.0, f64::max);
         (!misses.is_empty()).then(|| Self {
             mean_mm: mean(&Miss::distance_mm),
@@ -160,7 +161,11 @@ impl<'a> Anchors<'a> {
     ///
     /// # Errors
     /// A skin without a face or a place that is not finite.
-    pub fn new(faces: &'a [[u32; 3]], points: &[Vec3], markers: &[Vec3]) -> Result<Self, DistanceError> {
+    pub fn new(
+        faces: &'a [[u32; 3]],
+        points: &[Vec3],
+        markers: &[Vec3],
+    ) -> Result<Self, DistanceError> {
         let skin = TriMesh { points: points.to_vec(), triangles: faces.to_vec() };
         let found = SurfaceIndex::new(&skin)?.closest_of(markers)?;
         let one = |(found, marker): (&mammotwin_solver::distance::Closest, &Vec3)| {
@@ -183,7 +188,9 @@ impl<'a> Anchors<'a> {
         let one = |(anchor, measured): (&Option<Anchor>, &Vec3)| {
             let Anchor { corners, weights, off } = (*anchor)?;
             let at = corners.map(|n| points[n as usize]);
-            let sum = |values: [Vec3; 3]| -> Vec3 { values.iter().zip(weights).map(|(v, w)| w * v).sum() };
+            let sum = |values: [Vec3; 3]| -> Vec3 {
+                values.iter().zip(weights).map(|(v, w)| w * v).sum()
+            };
             let carried = sum(at) + frame(&at)? * off;
             let normal = sum(corners.map(|n| normals[n as usize])).try_normalize(0.0)?;
             let miss = carried - measured;
@@ -205,7 +212,8 @@ fn frame([a, b, c]: &[Vec3; 3]) -> Option<Mat3> {
 /// Barycentric coordinates of a point of a triangle.
 fn weights([a, b, c]: &[Vec3; 3], p: &Vec3) -> [f64; 3] {
     let area = (b - a).cross(&(c - a));
-    let part = |from: &Vec3, to: &Vec3| (from - p).cross(&(to - p)).dot(&area) / area.norm_squared();
+    let part =
+        |from: &Vec3, to: &Vec3| (from - p).cross(&(to - p)).dot(&area) / area.norm_squared();
     let (u, v) = (part(b, c), part(c, a));
     [u, v, 1.0 - u - v]
 }
@@ -229,16 +237,19 @@ impl Stage for Carry {
          the reference pose by the simulated skin (barycentric coordinates on the nearest face) and compared with \
          the measured ones, along the skin and along its normal.";
     /// The validation of a held-out pose; landmarks of the reference pose and of this one.
-    type Input =
-        (BreastMesh, Calibration, Option<Validation>, Registered, (Landmarks, Landmarks));
+    type Input = (BreastMesh, Calibration, Option<Validation>, Registered, (Landmarks, Landmarks));
     type Output = Fiducials;
 
     fn run(&self, input: &Self::Input, _: &dyn Progress) -> Result<Fiducials, Failure> {
         let (mesh, calibration, validation, registered, (reference, own)) = input;
         let of = |fit: &crate::calibrate::Fit| {
-            fit.poses.iter().find(|pose| pose.pose == self.pose).map(|pose| pose.solution.points.clone())
+            fit.poses
+                .iter()
+                .find(|pose| pose.pose == self.pose)
+                .map(|pose| pose.solution.points.clone())
         };
-        let held_out = validation.as_ref().map(|v| (&v.before.solution.points, &v.after.solution.points));
+        let held_out =
+            validation.as_ref().map(|v| (&v.before.solution.points, &v.after.solution.points));
         let states = match held_out {
             Some((before, after)) => Some((before.clone(), after.clone())),
             None => of(&calibration.before).zip(of(&calibration.after)),
@@ -253,7 +264,8 @@ impl Stage for Carry {
         let faces = mesh.mesh.patch(Patch::Skin);
         let anchors = Anchors::new(faces, &mesh.mesh.points, &stuck)
             .map_err(|cause| Failure::BadInput(format!("{}: markers: {cause}", self.pose)))?;
-        let misses = anchors.misses(&before, &measured).into_iter().zip(anchors.misses(&after, &measured));
+        let misses =
+            anchors.misses(&before, &measured).into_iter().zip(anchors.misses(&after, &measured));
         let mut found = Fiducials { pose: self.pose.clone(), ..Fiducials::default() };
         for (n, both) in misses.enumerate() {
             let name = pairs[n].0.clone();
@@ -304,7 +316,8 @@ mod tests {
         let marker = Vec3::new(4.0, 6.0, 2.0);
         let anchors = Anchors::new(&faces, &points, &[marker]).unwrap();
         // Stretched by 1.6 along x and by 0.8 along y: the skin's own length knows nothing of what stands off it.
-        let stretched: Vec<Vec3> = points.iter().map(|p| Vec3::new(1.6 * p.x, 0.8 * p.y, p.z)).collect();
+        let stretched: Vec<Vec3> =
+            points.iter().map(|p| Vec3::new(1.6 * p.x, 0.8 * p.y, p.z)).collect();
         let carried = Vec3::new(6.4, 4.8, 2.0);
         let miss = only(&anchors, &stretched, carried - Vec3::new(3.0, 4.0, -1.0));
         assert!((miss.carried - carried).norm() < 1e-12);
@@ -327,7 +340,8 @@ mod tests {
         let of = |names: &[&str]| {
             Landmarks(names.iter().map(|name| (name.to_string(), Vec3::zeros())).collect())
         };
-        let here = of(&["breast_left_outer", "chest_sternum_inferior", "nipple_left", "nipple_right"]);
+        let here =
+            of(&["breast_left_outer", "chest_sternum_inferior", "nipple_left", "nipple_right"]);
         let there = of(&["breast_left_outer", "chest_sternum_inferior", "nipple_left"]);
         let names: Vec<String> = pairs(&here, &there).into_iter().map(|(name, ..)| name).collect();
         assert_eq!(names, ["breast_left_outer", "nipple_left"]);
@@ -337,7 +351,11 @@ mod tests {
 
     #[test]
     fn means_and_maxima_are_over_all_markers() {
-        let miss = |normal_mm: f64, tangential_mm: f64| Miss { carried: Vec3::zeros(), normal_mm, tangential_mm };
+        let miss = |normal_mm: f64, tangential_mm: f64| Miss {
+            carried: Vec3::zeros(),
+            normal_mm,
+            tangential_mm,
+        };
         let summary = Summary::of(&[miss(-3.0, 4.0), miss(1.0, 0.0)]).unwrap();
         let known = Summary {
             mean_mm: 3.0,

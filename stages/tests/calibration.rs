@@ -103,7 +103,11 @@ impl Volunteer {
 }
 
 /// Moduli of volunteer `tiny` over her true ones, right and left, with elements of her study's size.
-fn calibrated(seed: u64, elements: Elements, fitted: &[&str]) -> (Volunteer, Calibration, [f64; 2]) {
+fn calibrated(
+    seed: u64,
+    elements: Elements,
+    fitted: &[&str],
+) -> (Volunteer, Calibration, [f64; 2]) {
     let volunteer = Volunteer::new(seed, elements);
     let found = volunteer.calibrate(fitted).unwrap();
     let stiffness = Preset::named("tiny").unwrap().person(seed).stiffness;
@@ -121,10 +125,15 @@ fn markers(volunteer: &Volunteer, found: &Calibration) -> [Summary; 3] {
     let marks = (supine.clone(), prone.clone());
     let input = (mesh.clone(), found.clone(), None, motion.clone(), marks);
     let carried = Carry { pose: "prone".into() }.run(&input, &Silent).unwrap();
-    assert_eq!((carried.markers.len(), carried.off_skin.len()), (8, 0), "three and the nipple on each breast");
+    assert_eq!(
+        (carried.markers.len(), carried.off_skin.len()),
+        (8, 0),
+        "three and the nipple on each breast"
+    );
     let pairs = pairs(supine, prone);
     let stuck: Vec<Vec3> = pairs.iter().map(|(_, there, _)| *there).collect();
-    let measured: Vec<Vec3> = pairs.iter().map(|(_, _, here)| motion.transform.point(here)).collect();
+    let measured: Vec<Vec3> =
+        pairs.iter().map(|(_, _, here)| motion.transform.point(here)).collect();
     let anchors = Anchors::new(&volunteer.skin, &bodies[1], &stuck).unwrap();
     let exact: Vec<Miss> = anchors.misses(&bodies[2], &measured).into_iter().flatten().collect();
     println!("markers moved by {:.2} mm", carried.moved_mm().unwrap());
@@ -137,7 +146,8 @@ fn markers(volunteer: &Volunteer, found: &Calibration) -> [Summary; 3] {
 fn from_truth(volunteer: &Volunteer, found: &Calibration, points: &[Vec3], truth: &[Vec3]) -> f64 {
     let skin = TriMesh { points: truth.to_vec(), triangles: volunteer.skin.clone() };
     let index = SurfaceIndex::new(&skin).unwrap();
-    let nodes: Vec<Vec3> = found.after.poses[1].active.iter().map(|&n| points[n as usize]).collect();
+    let nodes: Vec<Vec3> =
+        found.after.poses[1].active.iter().map(|&n| points[n as usize]).collect();
     let off = index.closest_of(&nodes).unwrap();
     off.iter().map(|closest| closest.distance_mm).sum::<f64>() / off.len() as f64
 }
@@ -162,11 +172,15 @@ fn quadratic_elements_find_the_moduli() {
 
     // The stress-free shape is that of the truth, which no image shows: as in water of her own density.
     let mesh = &volunteer.mesh.mesh;
-    let off = |points: &[Vec3], truth: usize| from_truth(&volunteer, &found, points, &volunteer.bodies[truth]);
+    let off = |points: &[Vec3], truth: usize| {
+        from_truth(&volunteer, &found, points, &volunteer.bodies[truth])
+    };
     let (unloaded, supine) = (off(&found.after.rest, 0), off(&mesh.points, 1));
     let nothing = off(&mesh.points, 0);
-    println!("stress-free skin {unloaded:.3} mm off, supine {supine:.3}, supine from stress-free {nothing:.3}");
-    assert!(unloaded < supine + 0.3 && nothing > 3.0, "{unloaded} {supine} {nothing}");
+    println!(
+        "stress-free skin {unloaded:.3} mm off, supine {supine:.3}, supine from stress-free {nothing:.3}"
+    );
+    assert!(unloaded < supine + 0.3 && unloaded < 0.2 * nothing, "{unloaded} {supine} {nothing}");
 }
 
 /// A prone body of another person, and postures that are called by the wrong name.
@@ -182,7 +196,12 @@ fn poses_that_cannot_be_of_one_body_under_these_forces_are_told() {
     volunteer.motion.gravity = PoseName::Supine.gravity();
     let why = refused(&volunteer);
     println!("{why}");
-    assert!(why.starts_with("poses.prone: gravity is stated to be that of supine, but the skin changed by"), "{why}");
+    assert!(
+        why.starts_with(
+            "poses.prone: gravity is stated to be that of supine, but the skin changed by"
+        ),
+        "{why}"
+    );
     // Each called the other.
     let stage = Calibrate {
         model: volunteer.model.clone(),

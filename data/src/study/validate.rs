@@ -108,7 +108,8 @@ fn check(study: &Study) -> Checked {
         }
     }
     if study.calibrate.second_start && study.calibrate.parameters.is_empty() {
-        let why = "repeats a search, but nothing is fitted; name calibrate.parameters or leave it out";
+        let why =
+            "repeats a search, but nothing is fitted; name calibrate.parameters or leave it out";
         return refuse("calibrate.second_start", why);
     }
     study.compress.as_ref().map_or(Ok(()), compress)?;

@@ -341,7 +341,11 @@ fn the_search_for_moduli_may_be_repeated_and_the_fixed_point_be_plain() {
     let text = toml::to_string(&parse(GOOD).unwrap()).unwrap();
     assert!(!text.contains("second_start"), "{text}");
     let fitted = "parameters = [\"breast.young_right_kpa\", \"breast.young_left_kpa\"]";
-    refused(fitted, "parameters = []\nsecond_start = true", &["calibrate.second_start", "nothing is fitted"]);
+    refused(
+        fitted,
+        "parameters = []\nsecond_start = true",
+        &["calibrate.second_start", "nothing is fitted"],
+    );
     refused("\"fixed_point\"", "\"fixed\"", &["calibrate.stress_free", "plain_fixed_point"]);
 }
 

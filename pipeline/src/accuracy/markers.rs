@@ -14,7 +14,9 @@ pub(super) fn measure(
     bodies: &hdf5::Reader,
     found: &Fiducials,
 ) -> Result<Option<MarkerError>, Failure> {
-    let (Some(moved_mm), Some(before), Some(after)) = (found.moved_mm(), found.before(), found.after()) else {
+    let (Some(moved_mm), Some(before), Some(after)) =
+        (found.moved_mm(), found.before(), found.after())
+    else {
         return Ok(None);
     };
     let faces: Vec<[u32; 3]> = bodies.get(TRUE_SKIN)?;
@@ -23,6 +25,7 @@ pub(super) fn measure(
     let measured: Vec<Vec3> = found.markers.iter().map(|marker| marker.measured).collect();
     let anchors = Anchors::new(&faces, &at(reference)?, &stuck)
         .map_err(|cause| Failure::BadInput(format!("truth of {}: markers: {cause}", found.pose)))?;
-    let misses: Vec<Miss> = anchors.misses(&at(&found.pose)?, &measured).into_iter().flatten().collect();
+    let misses: Vec<Miss> =
+        anchors.misses(&at(&found.pose)?, &measured).into_iter().flatten().collect();
     Ok(Summary::of(&misses).map(|floor| MarkerError { moved_mm, before, after, floor }))
 }

@@ -61,7 +61,8 @@ pub fn calibration(arguments: &CalibrationArguments) -> Result<(), Failure> {
                 Err(other) => return Err(other),
             }
         }
-        let file = |name: &str, kind: &str| out.join(format!("{name}{}.{kind}", ending(arguments.layers)));
+        let file =
+            |name: &str, kind: &str| out.join(format!("{name}{}.{kind}", ending(arguments.layers)));
         write(&file("calibration", "csv"), table(&all))?;
         let mut text = markdown(&all);
         if !failed.is_empty() {
@@ -133,7 +134,9 @@ fn from_literature(study: &str) -> String {
     let ModelPlan { skin, fascia, .. } = ModelPlan::default();
     let line = |name: &str, LayerPlan { law, young_kpa, thickness_mm, .. }: &LayerPlan| {
         let law = law.name();
-        format!("{name} = {{ law = \"{law}\", young_kpa = {young_kpa:?}, thickness_mm = {thickness_mm:?} }}")
+        format!(
+            "{name} = {{ law = \"{law}\", young_kpa = {young_kpa:?}, thickness_mm = {thickness_mm:?} }}"
+        )
     };
     let layers = [("skin", line("skin", &skin)), ("fascia", line("fascia", &fascia))];
     let replaced = |old: &str| {

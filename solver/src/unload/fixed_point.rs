@@ -90,7 +90,9 @@ pub(super) fn plain<E>(
     while best.miss.rms_mm > options.tolerance_mm && iterations < rounds {
         rest.iter_mut().zip(&step).for_each(|(x, dx)| *x += dx);
         iterations += 1;
-        let Ok(Some(next)) = Iterate::load(rest.clone(), known, &start, build, options) else { break };
+        let Ok(Some(next)) = Iterate::load(rest.clone(), known, &start, build, options) else {
+            break;
+        };
         (step, start) = (next.step.clone(), next.solution.points.clone());
         let done = iterations as f64 / rounds as f64;
         progress.report(done, &format!("{:.2} mm off", next.miss.rms_mm));

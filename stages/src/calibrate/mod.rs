@@ -153,7 +153,8 @@ const ALIKE: f64 = 0.03;
 impl SecondStart {
     /// Whether it ended where the first search did.
     pub fn agrees(&self, with: &Moduli) -> bool {
-        let near = |end: &Moduli, side: Side| (end.of_side(side) / with.of_side(side)).ln().abs() < ALIKE;
+        let near =
+            |end: &Moduli, side: Side| (end.of_side(side) / with.of_side(side)).ln().abs() < ALIKE;
         self.end.is_some_and(|end| [Side::Right, Side::Left].iter().all(|&side| near(&end, side)))
     }
 }

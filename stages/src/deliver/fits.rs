@@ -5,7 +5,11 @@ use crate::{
     fiducials::{Fiducials, Summary},
     report::Fact,
 };
-use mammotwin_data::{labels::Side, metric::Metric, study::{LayerPlan, ModelPlan}};
+use mammotwin_data::{
+    labels::Side,
+    metric::Metric,
+    study::{LayerPlan, ModelPlan},
+};
 
 /// Said where no marker tests the fit.
 pub const NO_FIDUCIAL: &str = "No marker on the breasts (breast_..., nipple_...) is in the reference pose and in another one: \
@@ -13,7 +17,9 @@ pub const NO_FIDUCIAL: &str = "No marker on the breasts (breast_..., nipple_...)
 
 /// Markers of a pose, before and after the fit.
 pub fn markers(found: &Fiducials) -> Vec<Fact> {
-    let (Some(before), Some(after), Some(moved)) = (found.before(), found.after(), found.moved_mm()) else {
+    let (Some(before), Some(after), Some(moved)) =
+        (found.before(), found.after(), found.moved_mm())
+    else {
         return Vec::new();
     };
     let pose = &found.pose;
@@ -29,7 +35,11 @@ pub fn markers(found: &Fiducials) -> Vec<Fact> {
         ),
         Fact::new(
             &format!("Markers along the skin, {pose}"),
-            format!("{} mm in the mean, {} mm at most", way(|s| s.tangential_mean_mm), way(|s| s.tangential_max_mm)),
+            format!(
+                "{} mm in the mean, {} mm at most",
+                way(|s| s.tangential_mean_mm),
+                way(|s| s.tangential_max_mm)
+            ),
         ),
     ];
     for marker in &found.markers {
@@ -51,7 +61,10 @@ pub fn marker_warnings(all: &[Fiducials], moved: bool) -> Vec<String> {
     }
     for pose in all.iter().filter(|pose| !pose.off_skin.is_empty()) {
         let names = pose.off_skin.join(", ");
-        let text = format!("{}: not compared, since farther than 10 mm from the model's skin in the reference pose: {names}", pose.pose);
+        let text = format!(
+            "{}: not compared, since farther than 10 mm from the model's skin in the reference pose: {names}",
+            pose.pose
+        );
         warnings.push(text);
     }
     warnings
@@ -65,10 +78,16 @@ pub fn untold(model: &ModelPlan, parameters: &[String], calibration: &Calibratio
         "Under gravity only the ratio of density to stiffness acts: with the density ({density} g/cm³) and all moduli (breast, \
          skin, fascia, ligaments) multiplied by one number no pose changes. The moduli are those of this density."
     ));
-    let layer = |plan: &LayerPlan| format!("{} kPa, {} mm ({})", plan.young_kpa, plan.thickness_mm, plan.law.name());
+    let layer = |plan: &LayerPlan| {
+        format!("{} kPa, {} mm ({})", plan.young_kpa, plan.thickness_mm, plan.law.name())
+    };
     let breast = &model.breast;
     let mut held = vec![
-        format!("law ({}) and Poisson's ratio ({}) of the breast", breast.law.name(), breast.poisson),
+        format!(
+            "law ({}) and Poisson's ratio ({}) of the breast",
+            breast.law.name(),
+            breast.poisson
+        ),
         format!("skin: {}", layer(&model.skin)),
         format!("fascia: {}", layer(&model.fascia)),
         format!("ligaments: {} kPa", model.ligaments.young_kpa),
@@ -98,7 +117,9 @@ pub fn untold(model: &ModelPlan, parameters: &[String], calibration: &Calibratio
         );
     }
     if let Some(second) = &calibration.second {
-        let from = [second.from.right_kpa, second.from.left_kpa].map(|kpa| format!("{kpa:.2}")).join(" and ");
+        let from = [second.from.right_kpa, second.from.left_kpa]
+            .map(|kpa| format!("{kpa:.2}"))
+            .join(" and ");
         text.push(match &second.end {
             Some(end) => format!(
                 "A second search from {from} kPa (right, left) ended at {:.3} and {:.3} kPa after {} evaluations: {}.",
@@ -141,7 +162,13 @@ pub fn metrics(calibration: &Calibration, fiducials: &[Fiducials]) -> Vec<Metric
             ("tangential_max", "largest distance along the skin", after.tangential_max_mm),
         ] {
             let long = format!("Markers, {}: {words}", pose.pose);
-            metrics.push(Metric::new(&format!("{}_fiducials_{name}_mm", pose.pose), &long, "mm", value, source));
+            metrics.push(Metric::new(
+                &format!("{}_fiducials_{name}_mm", pose.pose),
+                &long,
+                "mm",
+                value,
+                source,
+            ));
         }
     }
     metrics
@@ -168,10 +195,22 @@ mod tests {
             solution: Solution::default(),
             active: Vec::new(),
             signed_mm: Vec::new(),
-            distances: Distances { min: 0.0, max: 1.0, mean: 0.5, p95: 0.9, hausdorff: 1.0, modified_hausdorff: 0.5 },
+            distances: Distances {
+                min: 0.0,
+                max: 1.0,
+                mean: 0.5,
+                p95: 0.9,
+                hausdorff: 1.0,
+                modified_hausdorff: 0.5,
+            },
         };
         let round_trip = RoundTrip { rms_mm: 0.0, max_mm: 0.0, off_wall_mm: 0.0 };
-        let fit = Fit { moduli, round_trip, rest: Vec::new(), poses: vec![pose("supine"), pose("prone")] };
+        let fit = Fit {
+            moduli,
+            round_trip,
+            rest: Vec::new(),
+            poses: vec![pose("supine"), pose("prone")],
+        };
         let trial = |misfit_mm| Trial {
             moduli,
             residual_right_mm: 0.0,
@@ -208,12 +247,27 @@ mod tests {
     fn what_the_poses_cannot_tell_names_what_was_held() {
         let model = ModelPlan::default();
         let all = untold(&model, &FITTED.map(String::from), &calibration(1.0)).join(" ");
-        for part in ["0.981 g/cm³", "skin: 10 kPa, 2 mm", "fascia: 160 kPa", "Skin and fascia were not fitted", "−0.12"] {
+        for part in [
+            "0.981 g/cm³",
+            "skin: 10 kPa, 2 mm",
+            "fascia: 160 kPa",
+            "Skin and fascia were not fitted",
+            "−0.12",
+        ] {
             assert!(all.contains(part), "{part}: {all}");
         }
         assert!(!all.contains("modulus of the"), "{all}");
-        let one = untold(&model, &FITTED[..1].iter().map(|&key| key.into()).collect::<Vec<_>>(), &calibration(1.0)).join(" ");
-        assert!(one.contains("modulus of the left breast (0.220 kPa)") && !one.contains("right breast ("), "{one}");
+        let one = untold(
+            &model,
+            &FITTED[..1].iter().map(|&key| key.into()).collect::<Vec<_>>(),
+            &calibration(1.0),
+        )
+        .join(" ");
+        assert!(
+            one.contains("modulus of the left breast (0.220 kPa)")
+                && !one.contains("right breast ("),
+            "{one}"
+        );
     }
 
     #[test]
@@ -221,17 +275,29 @@ mod tests {
         let mut found = calibration(1.0);
         assert_eq!(second_start_warning(&found), None);
         let from = Moduli { right_kpa: 1.5, left_kpa: 1.5 };
-        let second = |left_kpa: f64| SecondStart { from, end: Some(Moduli { right_kpa: 0.31, left_kpa }), evaluations: 7 };
+        let second = |left_kpa: f64| SecondStart {
+            from,
+            end: Some(Moduli { right_kpa: 0.31, left_kpa }),
+            evaluations: 7,
+        };
         found.second = Some(second(0.221));
         assert_eq!(second_start_warning(&found), None);
-        assert!(untold(&ModelPlan::default(), &[], &found).join(" ").contains("7 evaluations: as the first one"));
+        assert!(
+            untold(&ModelPlan::default(), &[], &found)
+                .join(" ")
+                .contains("7 evaluations: as the first one")
+        );
         found.second = Some(second(0.4));
         assert!(second_start_warning(&found).is_some());
     }
 
     #[test]
     fn markers_are_told_one_by_one_and_none_is_pretended() {
-        let miss = |normal_mm: f64, tangential_mm: f64| Miss { carried: Vec3::zeros(), normal_mm, tangential_mm };
+        let miss = |normal_mm: f64, tangential_mm: f64| Miss {
+            carried: Vec3::zeros(),
+            normal_mm,
+            tangential_mm,
+        };
         let marker = Fiducial {
             name: "nipple_left".into(),
             reference: Vec3::zeros(),
@@ -239,15 +305,24 @@ mod tests {
             before: miss(-3.0, 4.0),
             after: miss(0.6, 0.8),
         };
-        let found = Fiducials { pose: "prone".into(), markers: vec![marker], off_skin: vec!["breast_left_outer".into()] };
+        let found = Fiducials {
+            pose: "prone".into(),
+            markers: vec![marker],
+            off_skin: vec!["breast_left_outer".into()],
+        };
         let facts = markers(&found);
-        assert_eq!(facts[0].value, "5.0 → 1.0 mm off in the mean, 5.0 → 1.0 mm at most; they moved by 20.0 mm");
+        assert_eq!(
+            facts[0].value,
+            "5.0 → 1.0 mm off in the mean, 5.0 → 1.0 mm at most; they moved by 20.0 mm"
+        );
         assert_eq!(facts[2].name, "nipple_left, prone");
         assert_eq!(facts[2].value, "4.0 → 0.8 mm along the skin, −3.0 → 0.6 mm along the normal");
         let told = marker_warnings(&[found], true);
         assert!(told.len() == 1 && told[0].contains("breast_left_outer"), "{told:?}");
         let none = Fiducials { pose: "prone".into(), ..Fiducials::default() };
-        assert!(markers(&none).is_empty() && metrics(&calibration(1.0), &[none.clone()]).len() == 2);
+        assert!(
+            markers(&none).is_empty() && metrics(&calibration(1.0), &[none.clone()]).len() == 2
+        );
         assert_eq!(marker_warnings(&[none], true), [NO_FIDUCIAL]);
         assert_eq!(marker_warnings(&[], true), [NO_FIDUCIAL]);
         assert!(marker_warnings(&[], false).is_empty(), "one pose alone needs none");
