@@ -189,7 +189,7 @@ fn the_published_fixed_point_finds_small_stretches_and_fails_beyond_two() {
     let small = tried(bonded(2.0, PRONE), Method::Plain);
     assert!(small.stretch < 2.0 && small.newton_steps == 0, "{}", small.stretch);
     assert!(small.rms_mm < 0.05 && small.off_mm < 0.5, "{} {}", small.rms_mm, small.off_mm);
-    let large = tried(bonded(0.3, PRONE), Method::Plain);
+    let large = tried(bonded(0.4, PRONE), Method::Plain);
     assert!(large.stretch > 2.0, "{}", large.stretch);
     assert!(large.rms_mm > 1.0, "{}", large.rms_mm);
 }
@@ -199,7 +199,7 @@ fn the_published_fixed_point_finds_small_stretches_and_fails_beyond_two() {
 fn the_damped_fixed_point_and_the_inverse_motion_return_to_the_shape_where_the_published_one_fails()
 {
     for method in [Method::FixedPoint, Method::Inverse] {
-        let found = tried(bonded(0.3, PRONE), method);
+        let found = tried(bonded(0.4, PRONE), method);
         assert!(found.stretch > 2.0 && found.rms_mm < 0.05, "{method:?}: {}", found.rms_mm);
     }
 }

@@ -5,15 +5,16 @@ use crate::{pose::PoseTarget, shape::Shape};
 use mammotwin_data::{Failure, Vec3};
 use nalgebra::DVector;
 
-/// Change of the unit vectors of gravity from which breasts have to follow it, and below which gravity is the same
-/// (0.1: 6°).
-const CLEAR: f64 = 0.5;
+/// Change of the unit vectors of gravity from which breasts have to follow it (1: 60°), and below which gravity is the
+/// same (0.1: 6°).
+const CLEAR: f64 = 1.0;
 const SAME: f64 = 0.1;
-/// Skin that moved farther than this (mm) against the change of gravity did not follow it. Errors of the registration and
-/// of the chest wall are 1 - 3 mm.
-const AGAINST_MM: f64 = 3.0;
-/// Skin that changed its shape by more than this (mm rms) had another gravity: five times what chest walls change by.
-const CHANGED_MM: f64 = 5.0;
+/// Correlation of how far skin went outward with its place along the change of gravity, below which breasts moved against
+/// it. Of twelve digital volunteers it is 0.56 to 0.73 prone and 0.45 to 0.85 upright, beside supine.
+const AGAINST: f64 = -0.3;
+/// Skin that changed its shape by more than this (mm rms) had another gravity. Chest walls and labels leave up to 1.2 mm,
+/// prone beside supine 4 to 7 mm remain of the smallest breasts that were tried.
+const CHANGED_MM: f64 = 3.0;
 
 /// Refuses a pose whose skin moved against what is stated of its gravity. `reference` is the skin of the reference pose at
 /// the nodes that are compared, `gravity` its gravity there.
@@ -30,14 +31,16 @@ pub fn refuse_wrong(
     let (pose, change) = (&target.pose, target.gravity - gravity);
     let mend = "correct posture or gravity_in_image, or the registration";
     let why = if change.norm() > CLEAR {
-        let along_mm = moved_along(reference, &signed_mm, &change.normalize());
-        (along_mm < -AGAINST_MM).then(|| {
-            format!("the breasts moved by {:.0} mm against the change of gravity from {name} that is stated", -along_mm)
+        let follows = follows(reference, &signed_mm, &change);
+        (follows < AGAINST).then(|| {
+            format!("the breasts moved against the change of gravity from {name} that is stated (correlation {follows:.2})")
         })
     } else if change.norm() < SAME {
         let changed_mm = reference.without_rigid_mm(&DVector::from_vec(signed_mm));
         (changed_mm > CHANGED_MM).then(|| {
-            format!("gravity is stated to be that of {name}, but the skin changed by {changed_mm:.0} mm (rms)")
+            format!(
+                "gravity is stated to be that of {name}, but the skin changed by {changed_mm:.1} mm (rms)"
+            )
         })
     } else {
         None
@@ -48,16 +51,25 @@ pub fn refuse_wrong(
     }
 }
 
-/// Translation (mm) of a skin along a unit vector that explains best its signed distances to another skin, which are
-/// positive where it lies outside of that.
-fn moved_along(skin: &Shape, signed_mm: &[f64], along: &Vec3) -> f64 {
-    let (mut sum, mut squares) = (0.0, 0.0);
-    for (normal, signed) in skin.normals.iter().zip(signed_mm) {
-        let facing = normal.dot(along);
-        sum -= facing * signed;
-        squares += facing * facing;
+/// Correlation of how far a skin has to go outward to another one (less its signed distances, positive where it lies outside
+/// of that) with its place along the change of gravity.
+///
+/// The centre of mass X of an elastic body moves along the change of gravity, whatever it is made of: each pose has the least
+/// energy under its own gravity, and the sum of both inequalities is m (g₁ - g₀) · (X₁ - X₀) ≥ 0. At constant volume, X moves
+/// to where skin goes outward.
+fn follows(skin: &Shape, signed_mm: &[f64], change: &Vec3) -> f64 {
+    let count = skin.points.len().max(1) as f64;
+    let place: Vec<f64> = skin.points.iter().map(|p| p.dot(change)).collect();
+    let [middle, outward] =
+        [place.iter().sum::<f64>() / count, -signed_mm.iter().sum::<f64>() / count];
+    let (mut both, mut places, mut ways) = (0.0, 0.0, 0.0);
+    for (place, signed) in place.iter().zip(signed_mm) {
+        let (place, way) = (place - middle, -signed - outward);
+        both += place * way;
+        places += place * place;
+        ways += way * way;
     }
-    sum / f64::max(squares, f64::MIN_POSITIVE)
+    both / f64::max((places * ways).sqrt(), f64::MIN_POSITIVE)
 }
 
 #[cfg(test)]
@@ -65,18 +77,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_ball_that_is_moved_has_moved_by_so_much() {
+    fn a_ball_that_sags_has_followed_and_one_that_rose_has_not() {
         let turn = |n: usize| (0.7 * n as f64, 2.4 * n as f64);
         let normals: Vec<Vec3> = (0..40)
-            .map(|n| turn(n))
+            .map(turn)
             .map(|(a, b)| Vec3::new(a.sin() * b.cos(), a.sin() * b.sin(), a.cos()))
             .collect();
         let skin = Shape { points: normals.iter().map(|n| 50.0 * n).collect(), normals };
         let shift = Vec3::new(0.0, 0.3, -0.4);
-        // Distances of the unmoved to the moved ball.
+        // Distances of the unmoved to the moved ball: outward where it faces along the motion.
         let signed: Vec<f64> = skin.points.iter().map(|p| (p - shift).norm() - 50.0).collect();
-        let along = moved_along(&skin, &signed, &shift.normalize());
-        assert!((along - 0.5).abs() < 0.02, "{along}");
-        assert!((moved_along(&skin, &signed, &-shift.normalize()) + 0.5).abs() < 0.02);
+        assert!(follows(&skin, &signed, &shift) > 0.999);
+        assert!(follows(&skin, &signed, &-shift) < -0.999);
+        let across = Vec3::new(0.0, 0.4, 0.3);
+        assert!(follows(&skin, &signed, &across).abs() < 0.3);
+        // Swollen alike everywhere: no direction.
+        assert_eq!(follows(&skin, &[-1.0; 40], &shift), 0.0);
     }
 }
