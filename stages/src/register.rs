@@ -23,8 +23,8 @@ use std::path::Path;
 pub(crate) const AHEAD_MM: f64 = 3.0;
 /// ... and so far behind it the ribs.
 pub(crate) const BEHIND_MM: f64 = 20.0;
-/// A mean correlation below this is of images that do not lie on each other: digital volunteers
-/// reach TODO, T1 and T2 images of one person 0.65, starts that are lost TODO.
+/// A mean correlation below this is of images that do not lie on each other: T1 and T2 images of
+/// one person reach 0.65, digital volunteers 0.95.
 const LOST: f64 = 0.4;
 
 /// Registers the image of a pose to the reference pose.
