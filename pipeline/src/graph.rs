@@ -293,12 +293,8 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
     let (moving, moved): (Vec<String>, Vec<_>) = moving.unzip();
     let measured = outcome.poses.keys().cloned().collect();
     let measures: Vec<_> = outcome.poses.values().map(|pose| pose.measures.clone()).collect();
-    let deliver = Deliver {
-        study: study.without_files(),
-        moving,
-        measured,
-        provenance: provenance.clone(),
-    };
+    let deliver =
+        Deliver { study: study.without_files(), moving, measured, provenance: provenance.clone() };
     let squeezed = part.map(|part| &part.compression);
     let taken = part.and_then(|part| part.mammograms.as_ref());
     let inputs =

@@ -194,7 +194,11 @@ impl PoseCheck<'_> {
             .map(|(label, count)| format!("{count} of {label}"))
             .collect();
         if told.is_empty() {
-            self.note("scribbles", Weight::Wrong, "no voxel is marked; mark some, or remove the key");
+            self.note(
+                "scribbles",
+                Weight::Wrong,
+                "no voxel is marked; mark some, or remove the key",
+            );
         } else {
             let text = format!("marked voxels: {}", told.join(", "));
             self.note("scribbles", Weight::Good, text);

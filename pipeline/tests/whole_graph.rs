@@ -243,9 +243,8 @@ fn measures_come_near_the_truth(volunteer: &Path) {
             };
             let count = |of: &dyn Fn(Tissue) -> bool| {
                 let here = |n: usize| motion.point(&labels.grid.center(labels.grid.voxel(n))).x;
-                let own = (0..breast.len()).filter(|&n| {
-                    breast[n] && of(labels.values[n]) && here(n) * side.sign() > 0.0
-                });
+                let own = (0..breast.len())
+                    .filter(|&n| breast[n] && of(labels.values[n]) && here(n) * side.sign() > 0.0);
                 own.count() as f64 * labels.grid.voxel_mm3() / 1000.0
             };
             let [volume, gland] = [count(&|_| true), count(&Tissue::is_gland)];
@@ -253,7 +252,8 @@ fn measures_come_near_the_truth(volunteer: &Path) {
             let gland_ratio = number("gland_volume_cm3") / gland;
             let nipple: Vec<f64> = file.get(&format!("{group}/nipple_mm")).unwrap();
             let exact = &truth.poses[pose].landmarks.0[&format!("nipple_{}", side.name())];
-            let off = (mammotwin_data::Vec3::from_column_slice(&nipple) - motion.point(exact)).norm();
+            let off =
+                (mammotwin_data::Vec3::from_column_slice(&nipple) - motion.point(exact)).norm();
             println!(
                 "{pose} {}: volume {:.3} and gland {gland_ratio:.3} of the true {volume:.0} and \
                  {gland:.0} cm3, share of gland {:.3}, protrusion {:.1} mm, nipple {off:.1} mm off",

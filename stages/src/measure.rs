@@ -131,8 +131,7 @@ impl Stage for Measure {
          breast from the chest wall. Where voxels resolve it, the thickness of the skin was fitted to the \
          brightness along its normals: a layer of one brightness between air and fat, blurred by the voxels.";
     /// Image, labels and surfaces of the pose, its landmarks, and its motion to the reference pose.
-    type Input =
-        (Volume<f32>, LabelMap, PoseSurfaces, Option<Landmarks>, Option<Registered>);
+    type Input = (Volume<f32>, LabelMap, PoseSurfaces, Option<Landmarks>, Option<Registered>);
     type Output = PoseMeasures;
 
     fn run(
@@ -160,8 +159,9 @@ impl Stage for Measure {
             let volumes = Volumes::of(labels, &sides, side);
             let share = volumes.gland_share();
             let own = of(side);
-            let farthest =
-                (0..own.len()).filter(|&n| own[n]).max_by(|&a, &b| wall_mm[a].total_cmp(&wall_mm[b]));
+            let farthest = (0..own.len())
+                .filter(|&n| own[n])
+                .max_by(|&a, &b| wall_mm[a].total_cmp(&wall_mm[b]));
             let (Some(gland_share), Some(farthest)) = (share, farthest) else {
                 let why = format!(
                     "labels: no {} breast under the skin; give labels of both breasts",

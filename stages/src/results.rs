@@ -212,7 +212,9 @@ fn without_paths(study: &Study) -> Result<serde_json::Value, Failure> {
     let poses = value.get_mut("poses").and_then(|poses| poses.as_object_mut());
     for pose in poses.into_iter().flat_map(|poses| poses.values_mut()) {
         if let Some(keys) = pose.as_object_mut() {
-            keys.retain(|key, _| !["image", "landmarks", "labels", "scribbles"].contains(&key.as_str()));
+            keys.retain(|key, _| {
+                !["image", "landmarks", "labels", "scribbles"].contains(&key.as_str())
+            });
         }
     }
     Ok(value)

@@ -78,11 +78,7 @@ pub enum NoSkin {
 ///
 /// # Errors
 /// When the voxels are too large, or skin has no contrast to fat.
-pub fn thickness(
-    image: &Volume<f32>,
-    skin: &TriMesh,
-    wanted: &[bool],
-) -> Result<SkinMap, NoSkin> {
+pub fn thickness(image: &Volume<f32>, skin: &TriMesh, wanted: &[bool]) -> Result<SkinMap, NoSkin> {
     let voxel_mm = image.grid.spacing_mm().into_iter().fold(0.0, f64::max);
     if voxel_mm > RESOLVED_MM {
         return Err(NoSkin::Coarse { voxel_mm });
@@ -280,8 +276,7 @@ impl Templates {
             .collect();
         let n = (0..best.len()).fold(0, |n, m| if best[m].0 > best[n].0 { m } else { n });
         let inner = n > 0 && n + 1 < best.len();
-        let shift =
-            if inner { vertex([-best[n - 1].0, -best[n].0, -best[n + 1].0]) } else { 0.0 };
+        let shift = if inner { vertex([-best[n - 1].0, -best[n].0, -best[n + 1].0]) } else { 0.0 };
         let fat = best[n].1.max(1e-12);
         let misfit = (f64::from(square) - best[n].0).max(0.0) / (fat * fat);
         Fit { thickness_mm: (n as f64 + shift) * self.step_mm, fat, misfit }

@@ -131,7 +131,8 @@ fn labels_that_miss_or_cut_a_breast_or_lie_elsewhere_are_found() {
 #[test]
 fn numbered_labels_and_scribbles_are_looked_at_too() {
     let folder = Folder::new();
-    let study = |from: &str, to: &str| findings(&parse(&STUDY.replace(from, to)).unwrap(), folder.0.path());
+    let study =
+        |from: &str, to: &str| findings(&parse(&STUDY.replace(from, to)).unwrap(), folder.0.path());
     let said = |found: &[Finding], key: &str, weight: Weight| -> String {
         let own = found.iter().filter(|f| f.key == key && f.weight == weight);
         own.map(|finding| finding.text.clone()).collect::<Vec<_>>().join("; ")

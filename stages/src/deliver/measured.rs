@@ -17,9 +17,10 @@ pub fn section(measures: &PoseMeasures) -> (Vec<Fact>, Option<SurfaceMap>) {
     }
     let map = SurfaceMap {
         title: "Thickness of the skin".into(),
-        caption: "From profiles of the image along the normals of the skin; nothing where gland lies \
+        caption:
+            "From profiles of the image along the normals of the skin; nothing where gland lies \
                   under it, and no part of the model."
-            .into(),
+                .into(),
         surface: measures.skin.clone(),
         values: measures.skin_mm.clone(),
         label: "thickness (mm)".into(),

@@ -19,12 +19,7 @@ use crate::{
     validate::Validation,
 };
 use mammotwin_data::{
-    Vec3,
-    labels::Side,
-    mesh::Patch,
-    metric::Metric,
-    rigid::RigidTransform,
-    surface::TriMesh,
+    Vec3, labels::Side, mesh::Patch, metric::Metric, rigid::RigidTransform, surface::TriMesh,
     units::DEGREE,
 };
 use mammotwin_solver::distance::SurfaceIndex;

@@ -50,11 +50,7 @@ pub fn put_pose(file: &mut Writer, pose: &PoseResult) -> Result<(), Failure> {
 }
 
 /// Writes `/poses/NAME/breasts`: what the breasts of a pose measure.
-pub fn put_measures(
-    file: &mut Writer,
-    pose: &str,
-    measures: &PoseMeasures,
-) -> Result<(), Failure> {
+pub fn put_measures(file: &mut Writer, pose: &str, measures: &PoseMeasures) -> Result<(), Failure> {
     for one in &measures.sides {
         put_breast(file, &format!("poses/{pose}/breasts/{}", one.side.name()), one)?;
     }

@@ -115,10 +115,7 @@ pub fn read_raw_labels(path: &Path) -> Result<RawLabels, NiftiError> {
 }
 
 /// An image of whole numbers.
-fn whole<T>(
-    path: &Path,
-    convert: impl Fn(u32) -> Option<T>,
-) -> Result<Volume<T>, NiftiError> {
+fn whole<T>(path: &Path, convert: impl Fn(u32) -> Option<T>) -> Result<Volume<T>, NiftiError> {
     let mut source = Source::open(path)?;
     let (slope, inter) = (source.slope, source.inter);
     let values = source.voxels(|stored| {

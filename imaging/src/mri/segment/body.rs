@@ -143,7 +143,10 @@ fn sees_back(tissue: &[bool], grid: &Grid, axis_j: usize) -> bool {
 }
 
 /// Indices of the up to six face neighbours.
-pub(in crate::mri) fn neighbours(n: usize, [ni, nj, nk]: [usize; 3]) -> impl Iterator<Item = usize> {
+pub(in crate::mri) fn neighbours(
+    n: usize,
+    [ni, nj, nk]: [usize; 3],
+) -> impl Iterator<Item = usize> {
     let (i, j, k) = (n % ni, n / ni % nj, n / (ni * nj));
     [
         (i > 0).then(|| n - 1),

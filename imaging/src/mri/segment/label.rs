@@ -72,7 +72,8 @@ pub(super) fn body_mask(
         for (n, inside) in mask.iter_mut().enumerate() {
             let n = k * slice + n;
             let voxel = grid.voxel(n);
-            if plane.iter().all(|&(axis, _)| voxel[axis] > 0 && voxel[axis] + 1 < grid.shape[axis]) {
+            if plane.iter().all(|&(axis, _)| voxel[axis] > 0 && voxel[axis] + 1 < grid.shape[axis])
+            {
                 let [(_, a), (_, b)] = plane;
                 let row = |middle: usize| [middle - a, middle, middle + a];
                 let around = [row(n - b), row(n), row(n + b)];

@@ -33,7 +33,6 @@ pub use error::{Border, SegmentError, Warning};
 pub use rear::NOMINAL_MUSCLE_MM;
 pub use tissue::Classes;
 
-
 use frame::Frame;
 use mammotwin_data::Vec3;
 use mammotwin_data::labels::{LabelMap, Scribbles, Side};

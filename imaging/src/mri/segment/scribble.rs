@@ -104,7 +104,8 @@ impl Marks {
         if marked.grid.shape != grid.shape || apart > 0.1 * least {
             return Err(SegmentError::ScribblesElsewhere);
         }
-        let place = |n: usize| frame.body_from_voxel.apply(&Vec3::from(grid.voxel(n).map(|v| v as f64)));
+        let place =
+            |n: usize| frame.body_from_voxel.apply(&Vec3::from(grid.voxel(n).map(|v| v as f64)));
         let mark = |(n, tissue): (usize, &Option<Tissue>)| Some((n, (*tissue)?, place(n)));
         let voxels: Vec<_> = marked.values.iter().enumerate().filter_map(mark).collect();
         if voxels.is_empty() {
@@ -139,9 +140,8 @@ impl Marks {
         let mut calm = image.values.clone();
         filter::box_blur(&mut calm, image.grid.shape, [1; 3]);
         let calm = |n: usize| f64::from(calm[n].min(image.values[n]).max(1e-6)).ln();
-        let marks_of = |class: Class| {
-            self.voxels.iter().filter(move |mark| Class::of(mark.1) == Some(class))
-        };
+        let marks_of =
+            |class: Class| self.voxels.iter().filter(move |mark| Class::of(mark.1) == Some(class));
         let level = |class: Class| match class {
             Class::Air => Level::above(marks_of(class).map(|mark| calm(mark.0)).collect()),
             _ => Level::of(self.of(image, class).map(|(value, p)| value - shading.at(p)).collect()),
@@ -202,9 +202,10 @@ impl Marks {
     /// `found`, but for what marks of gland and fat say; `brightness` in units of fat.
     pub(super) fn classes(&self, brightness: &Volume<f32>, found: Classes) -> Classes {
         let mean = |class: Class| {
-            let own = self.voxels.iter().filter(|mark| {
-                mark.1 != Tissue::Other && Class::of(mark.1) == Some(class)
-            });
+            let own = self
+                .voxels
+                .iter()
+                .filter(|mark| mark.1 != Tissue::Other && Class::of(mark.1) == Some(class));
             Level::of(own.map(|mark| f64::from(brightness.values[mark.0])).collect())
         };
         let (gland, fat) = (mean(Class::Gland), mean(Class::Fat));
@@ -241,7 +242,8 @@ impl Marks {
             // The columns between which a map is interpolated there.
             for corner in 0..4 {
                 let column = |value: f64, n: usize, up: bool| {
-                    (if up { value.ceil() } else { value.floor() }).clamp(0.0, n as f64 - 1.0) as usize
+                    (if up { value.ceil() } else { value.floor() }).clamp(0.0, n as f64 - 1.0)
+                        as usize
                 };
                 let u = column(at[0], n_u, corner & 1 == 1);
                 let v = column(at[1], n_v, corner & 2 == 2);
@@ -336,10 +338,11 @@ impl Shading {
         if let Some(solved) = normal.cholesky().map(|factor| factor.solve(&right)) {
             shading.coefficients = solved.as_slice()[..Self::TERMS].to_vec();
             let marked = Class::SHADED.into_iter().flat_map(|class| marks.of(image, class));
-            let range = marked.map(|(_, p)| shading.at(p)).fold(
-                [f64::INFINITY, f64::NEG_INFINITY],
-                |[low, high], value| [low.min(value), high.max(value)],
-            );
+            let range = marked
+                .map(|(_, p)| shading.at(p))
+                .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+                    [low.min(value), high.max(value)]
+                });
             if range[0] <= range[1] {
                 shading.range = range;
             }

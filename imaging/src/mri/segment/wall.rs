@@ -90,12 +90,7 @@ impl Wall {
 
 /// Finds the wall. `work` is brightness in units of fat on the work grid, `fine` on the image.
 /// `None` if hardly any dark tissue lies under the fat.
-pub(super) fn find(
-    work: &Volume<f32>,
-    fine: &Shaded,
-    body: &Body,
-    marks: &Marks,
-) -> Option<Wall> {
+pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body, marks: &Marks) -> Option<Wall> {
     let grid = &work.grid;
     let spacing = grid.spacing_mm()[0];
     let high_z = grid.origin.z + (grid.shape[2] - 1) as f64 * spacing;
@@ -363,12 +358,7 @@ fn search_front(
 
 /// Half-way crossing between fat and muscle on the image itself, then a smooth surface through
 /// the columns that show one. Returns radii and contrasts (0..=1).
-fn refine(
-    polar: &Polar,
-    fine: &Shaded,
-    rough: &[f32],
-    bounds: &Bounds,
-) -> (Vec<f32>, Vec<f32>) {
+fn refine(polar: &Polar, fine: &Shaded, rough: &[f32], bounds: &Bounds) -> (Vec<f32>, Vec<f32>) {
     const STEP: f64 = 0.25;
     const HALF: usize = 24;
     let crossing = |column: usize| {
