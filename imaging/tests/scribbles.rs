@@ -144,7 +144,7 @@ fn scribbles_hold_the_wall_behind_gland_as_dark_as_muscle() {
 
 /// Image, truth and segmentation of a chest that two tests look at.
 static CHEST: LazyLock<(Volume<f32>, LabelMap, Segmentation)> = LazyLock::new(|| {
-    let (image, truth) = picture(4.0, Gland::Retracted, &RigidTransform::identity());
+    let (image, truth) = picture(VOXEL_MM, Gland::Retracted, &RigidTransform::identity());
     let found = segment(&image, &Options::default(), &Silent).unwrap();
     (image, truth, found)
 });
