@@ -17,12 +17,12 @@ use mammotwin_imaging::mri::segment::{
 };
 use phantom::{Contrast, Gland, dice, from_wall, is_gland, picture, picture_of, shading};
 use rand::{Rng, SeedableRng};
+use std::sync::LazyLock;
 
 const VOXEL_MM: f64 = 3.0;
 
-/// Strokes of a person: `strokes` short lines along i in voxels that are wholly of one tissue, for each
-/// tissue that is asked for.
-fn strokes(truth: &LabelMap, tissues: &[Tissue], strokes: usize) -> Scribbles {
+/// Strokes of a person: so many short lines along i, each begun in a voxel amid one tissue.
+fn strokes(truth: &LabelMap, tissues: &[(Tissue, usize)]) -> Scribbles {
     let mut marks = Volume::filled(truth.grid.clone(), None);
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(23);
     let shape = truth.grid.shape;
@@ -33,7 +33,7 @@ fn strokes(truth: &LabelMap, tissues: &[Tissue], strokes: usize) -> Scribbles {
             (0..3).all(|axis| at[axis] < shape[axis]) && truth.at(at) == tissue
         })
     };
-    for &tissue in tissues {
+    for &(tissue, strokes) in tissues {
         let places: Vec<usize> = (0..truth.values.len())
             .filter(|&n| truth.values[n] == tissue && pure(truth.grid.voxel(n), tissue))
             .collect();
@@ -71,15 +71,16 @@ fn scored(found: &Segmentation, truth: &LabelMap) -> [f64; 4] {
     ]
 }
 
-const TISSUES: [Tissue; 8] = [
-    Tissue::Background,
-    Tissue::AdiposeRight,
-    Tissue::AdiposeLeft,
-    Tissue::FibroglandularRight,
-    Tissue::FibroglandularLeft,
-    Tissue::PectoralMuscle,
-    Tissue::Thorax,
-    Tissue::Other,
+const TISSUES: [(Tissue, usize); 8] = [
+    (Tissue::Background, 12),
+    (Tissue::AdiposeRight, 12),
+    (Tissue::AdiposeLeft, 12),
+    (Tissue::FibroglandularRight, 12),
+    (Tissue::FibroglandularLeft, 12),
+    // Along all of the wall: where the signal is faint nothing else tells of it.
+    (Tissue::PectoralMuscle, 40),
+    (Tissue::Thorax, 12),
+    (Tissue::Other, 12),
 ];
 
 /// By itself the segmentation makes nothing of an image with fat suppression; with strokes it divides it.
@@ -97,7 +98,7 @@ fn scribbles_teach_the_contrast_of_an_image_with_fat_suppression() {
         }
     }
 
-    let scribbles = strokes(&truth, &TISSUES, 12);
+    let scribbles = strokes(&truth, &TISSUES);
     let count = scribbles.0.values.iter().flatten().count();
     let found = marked(&image, &scribbles).unwrap();
     let [breast, muscle, gland, wall] = scored(&found, &truth);
@@ -105,7 +106,7 @@ fn scribbles_teach_the_contrast_of_an_image_with_fat_suppression() {
         "{count} marked voxels: breast {breast:.3}, muscle {muscle:.3}, gland {gland:.3}, wall p95 \
          {wall:.2} mm"
     );
-    assert!(breast > 0.9 && muscle > 0.8 && gland > 0.75 && wall < 2.0 * VOXEL_MM);
+    assert!(breast > 0.92 && muscle > 0.9 && gland > 0.9 && wall < 0.7 * VOXEL_MM);
     let kept = |n: usize| scribbles.0.values[n].is_none_or(|mark| found.labels.values[n] == mark);
     assert!((0..found.labels.values.len()).all(kept), "a mark does not hold");
 }
@@ -114,7 +115,7 @@ fn scribbles_teach_the_contrast_of_an_image_with_fat_suppression() {
 fn what_scribbles_lack_is_said() {
     let still = RigidTransform::identity();
     let (image, truth) = picture_of(Contrast::FatSuppressed, VOXEL_MM, Gland::Retracted, &still);
-    let few = strokes(&truth, &[Tissue::AdiposeRight, Tissue::PectoralMuscle], 6);
+    let few = strokes(&truth, &[(Tissue::AdiposeRight, 6), (Tissue::PectoralMuscle, 6)]);
     let missing = "air (10), gland (3, 4)".to_owned();
     assert_eq!(marked(&image, &few).err(), Some(SegmentError::ScribblesMissing { missing }));
     let none = Scribbles(Volume::filled(image.grid.clone(), None));
@@ -126,12 +127,13 @@ fn what_scribbles_lack_is_said() {
 
 /// Gland as dark as muscle that lies on it draws the wall into the breast; strokes hold it back.
 #[test]
+#[ignore = "half a minute: two segmentations more"]
 fn scribbles_hold_the_wall_behind_gland_as_dark_as_muscle() {
     let still = RigidTransform::identity();
     let (image, truth) = picture_of(Contrast::DarkGland, VOXEL_MM, Gland::TouchesMuscle, &still);
     let alone = segment(&image, &Options::default(), &Silent).unwrap();
-    let glands = [Tissue::FibroglandularRight, Tissue::FibroglandularLeft, Tissue::PectoralMuscle];
-    let scribbles = strokes(&truth, &glands, 25);
+    let dark = [Tissue::FibroglandularRight, Tissue::FibroglandularLeft, Tissue::PectoralMuscle];
+    let scribbles = strokes(&truth, &dark.map(|tissue| (tissue, 25)));
     let taught = marked(&image, &scribbles).unwrap();
     let (before, after) = (scored(&alone, &truth), scored(&taught, &truth));
     println!(
@@ -140,11 +142,17 @@ fn scribbles_hold_the_wall_behind_gland_as_dark_as_muscle() {
     assert!(after[3] < before[3] && after[2] > before[2]);
 }
 
+/// Image, truth and segmentation of a chest that two tests look at.
+static CHEST: LazyLock<(Volume<f32>, LabelMap, Segmentation)> = LazyLock::new(|| {
+    let (image, truth) = picture(VOXEL_MM, Gland::Retracted, &RigidTransform::identity());
+    let found = segment(&image, &Options::default(), &Silent).unwrap();
+    (image, truth, found)
+});
+
 /// A known coil field: brightness of fat to some per cent over the breasts.
 #[test]
 fn the_shading_of_the_coils_is_recovered() {
-    let (image, truth) = picture(VOXEL_MM, Gland::Retracted, &RigidTransform::identity());
-    let found = segment(&image, &Options::default(), &Silent).unwrap();
+    let (_, truth, found) = &*CHEST;
     let to_voxel = found.shading.grid.to_voxel();
     let mut errors = Vec::new();
     for n in (0..truth.values.len()).filter(|&n| truth.values[n].is_breast()) {
@@ -201,16 +209,15 @@ fn stored<T: Copy>(image: &Volume<T>, axes: [(usize, bool); 3]) -> Volume<T> {
 /// are those of the image stored as RAS.
 #[test]
 fn the_order_of_storage_does_not_change_the_labels() {
-    let (image, _) = picture(4.0, Gland::Retracted, &RigidTransform::identity());
-    let ras = segment(&image, &Options::default(), &Silent).unwrap().labels;
+    let (image, _, ras) = &*CHEST;
     // The phantom's grid is RAS: +i right, +j anterior, +k superior.
     let orders =
         [("SAL", [(2, false), (1, false), (0, true)]), ("PIR", [(1, true), (2, true), (0, false)])];
     for (name, order) in orders {
-        let turned = stored(&image, order);
+        let turned = stored(image, order);
         assert_eq!(mammotwin_data::io::nifti::axis_codes(&turned.grid.axes), name);
         let found = segment(&turned, &Options::default(), &Silent).unwrap().labels;
-        let wanted = stored(&ras, order);
+        let wanted = stored(&ras.labels, order);
         let same = found.values.iter().zip(&wanted.values).filter(|(a, b)| a == b).count();
         let share = same as f64 / wanted.values.len() as f64;
         println!("{name}: {:.4} % of the voxels differ", 100.0 * (1.0 - share));

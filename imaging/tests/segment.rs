@@ -106,6 +106,9 @@ fn images_that_cut_a_breast_or_hold_none_are_refused() {
     assert_eq!(front, SegmentError::BreastCut { side: Side::Right, border: Border::Anterior });
     let above = run(&cropped(&image, [0; 3], [ni, nj, nk / 2 + 2]));
     assert_eq!(above, SegmentError::BreastCut { side: Side::Right, border: Border::Superior });
+    // A unilateral scan: from the mid-line to her right.
+    let one = run(&cropped(&image, [ni / 2, 0, 0], [ni, nj, nk]));
+    assert_eq!(one, SegmentError::BreastCut { side: Side::Left, border: Border::Lateral });
     assert_eq!(run(&Volume::filled(image.grid.clone(), 3.0)), SegmentError::Empty);
     assert!(matches!(run(&cropped(&image, [0; 3], [ni, nj, 4])), SegmentError::Grid { .. }));
     let mut broken = image;

@@ -5,16 +5,21 @@
 
 use mammotwin_data::{
     Vec3,
+    io::nifti,
     labels::{LabelMap, Side, Tissue},
     progress::Silent,
     store::Stage,
     volume::{Grid, Volume},
 };
-use mammotwin_imaging::mri::synthesize::{self, Coil, Sample, Scan, Substance};
+use mammotwin_imaging::mri::synthesize::{Coil, Sample, Scan, Substance, scan};
 use mammotwin_stages::{
     measure::{Measure, NippleFrom, PoseMeasures},
+    segment::Segment,
     surface::Surface,
-    volunteer::{Preset, Torso, torso},
+    volunteer::{
+        Motion, PoseName, PosedBody, Preset, Settings, Torso, Truth, mechanics::TruthBody,
+        synthesize, torso,
+    },
 };
 
 /// What is at a place of the stress-free body; behind the chest wall there is muscle, then lung.
@@ -36,8 +41,8 @@ fn scanned(torso: &Torso, voxel_mm: f64) -> (Volume<f32>, LabelMap) {
     let grid = Grid::aligned(shape, [voxel_mm; 3], low);
     let centers = vec![Vec3::new(75.0, 150.0, 20.0), Vec3::new(-75.0, 150.0, -20.0)];
     let coil = Coil { centers, reach_mm: 75.0, floor: 0.1 };
-    let scan = Scan { coil, fat: 800.0, noise: 800.0 / 55.0, noise_seed: 3, texture_seed: 4 };
-    let picture = synthesize::scan(&grid, &scan, &|p: &Vec3| sample(torso, p), &Silent);
+    let protocol = Scan { coil, fat: 800.0, noise: 800.0 / 55.0, noise_seed: 3, texture_seed: 4 };
+    let picture = scan(&grid, &protocol, &|p: &Vec3| sample(torso, p), &Silent);
     (picture.magnitude, picture.labels)
 }
 
@@ -128,4 +133,59 @@ fn voxels_that_do_not_resolve_skin_give_no_thickness() {
     let metrics = found.metrics("supine");
     assert!(metrics.iter().all(|m| !m.name.contains("skin")) && metrics.len() == 14);
     assert!(found.sides.iter().all(|one| one.nipple_from == NippleFrom::Label));
+}
+
+/// Thickness (mm) of the skin of a body along a normal into it, from just outside: 0 without any.
+fn true_skin_mm(body: &PosedBody, p: &Vec3, inward: &Vec3) -> f64 {
+    const STEP_MM: f64 = 0.05;
+    let at = |n: i32| body.sample(&(p + f64::from(n) * STEP_MM * inward)).substance;
+    f64::from((-60..160).map(at).filter(|s| *s == Substance::Skin).count() as u32) * STEP_MM
+}
+
+/// The whole way from images of poses, segmented without help, to the measures.
+#[test]
+#[ignore = "minutes: a volunteer on voxels of 1 mm, segmented without help"]
+fn skin_of_poses_comes_near_that_of_the_volunteer() {
+    let folder = tempfile::tempdir().unwrap();
+    let poses = [PoseName::Supine, PoseName::Prone];
+    let (preset, seed) = ("small", 53);
+    let settings =
+        Settings { seed, poses: poses.to_vec(), ..Settings::demo(preset, folder.path()) };
+    synthesize(&settings, &Silent).unwrap();
+    let truth = Truth::load(&folder.path().join("truth/truth.json")).unwrap();
+    let torso = Torso::new(Preset::named(preset).unwrap().person(seed), seed);
+    let bodies = TruthBody::new(&torso, torso.person.truth_mesh, &Silent).unwrap();
+    for pose in poses {
+        let name = pose.name();
+        let image = nifti::read(&folder.path().join(format!("{name}.nii.gz"))).unwrap();
+        let labels = Segment.run(&(image.clone(), None, None), &Silent).unwrap();
+        let surfaces = Surface::default().run(&labels, &Silent).unwrap();
+        let input = (image.clone(), labels, surfaces, None, None);
+        let found = Measure.run(&input, &Silent).unwrap();
+        let deformed = bodies.deform(pose, &Silent).unwrap();
+        let shapes = bodies.shapes(&deformed);
+        let motion = Motion::drawn(&torso, pose, seed);
+        let grid = &image.grid;
+        let corners = [grid.center([0; 3]), grid.center(grid.shape.map(|n| n - 1))];
+        let body = PosedBody::new(&torso, &motion, &shapes, corners, 2.5);
+        let normals = found.skin.vertex_normals();
+        let marks = &truth.poses[name].landmarks;
+        let errors: Vec<f64> = (0..found.skin.points.len())
+            .step_by(5)
+            .map(|n| (found.skin.points[n], found.skin_mm[n], -normals[n]))
+            .filter(|(p, ..)| {
+                ["nipple_right", "nipple_left"].iter().all(|m| (p - marks.0[*m]).norm() > 20.0)
+            })
+            .map(|(p, mm, inward)| mm - true_skin_mm(&body, &p, &inward))
+            .collect();
+        let count = errors.len() as f64;
+        let mean = errors.iter().sum::<f64>() / count;
+        let rms = (errors.iter().map(|e| e * e).sum::<f64>() / count).sqrt();
+        println!("{name}: {count} places, skin mean error {mean:.3} mm, rms {rms:.3} mm");
+        for one in &found.sides {
+            let off = (one.nipple_mm - marks.0[&format!("nipple_{}", one.side.name())]).norm();
+            println!("{name}: {one:.2?}; nipple {off:.1} mm from the marker under it");
+        }
+        assert!(count > 1000.0 && mean.abs() < 0.25 && rms < 0.45);
+    }
 }
