@@ -31,6 +31,17 @@ fn tilted(folder: &Path) -> [f64; 2] {
     })
 }
 
+/// From the frame of the tilted pose to the reference pose.
+fn motion(folder: &Path) -> RigidTransform {
+    let results = hdf5::Reader::open(&folder.join("out/results.h5")).unwrap();
+    let rows: Vec<Vec3> = results.get("poses/tilted/to_reference/rotation").unwrap();
+    let shift: Vec<f64> = results.get("poses/tilted/to_reference/translation_mm").unwrap();
+    RigidTransform {
+        rotation: nalgebra::Matrix3::from_columns(&rows).transpose(),
+        translation: Vec3::from_row_slice(&shift),
+    }
+}
+
 /// The part of a skin in front of a plane (mm), as a scanner sees it.
 fn front(skin: &TriMesh, least_y_mm: f64) -> TriMesh {
     let ahead =
@@ -39,8 +50,8 @@ fn front(skin: &TriMesh, least_y_mm: f64) -> TriMesh {
     TriMesh { points: skin.points.clone(), triangles }.compacted().0
 }
 
-/// The tilted pose as a scan in metres in a frame of its own: the model is as far from it as from the image. The scan is
-/// placed by seven landmarks that are pointed at to a millimetre, the image by its chest wall.
+/// The tilted pose as a scan in metres in a frame of its own. With marks on what does not slide the model is as far from it as
+/// from the image; marks on the skin, which slides over the chest, put it millimetres elsewhere.
 #[test]
 fn a_scan_may_stand_for_an_image() {
     let folder = tempfile::tempdir().unwrap();
@@ -53,7 +64,7 @@ fn a_scan_may_stand_for_an_image() {
     let (poses, _) = text.split_once("[compress]").unwrap();
     fs::write(&study, poses).unwrap();
     mammotwin(&["run", &file]);
-    let imaged = tilted(folder.path());
+    let (imaged, moved) = (tilted(folder.path()), motion(folder.path()));
 
     let place = RigidTransform {
         rotation: *nalgebra::Rotation3::from_euler_angles(0.3, -0.2, 1.1).matrix(),
@@ -66,9 +77,18 @@ fn a_scan_may_stand_for_an_image() {
     let seen = front(&skin, chest);
     let scan = TriMesh { points: seen.points.iter().map(metres).collect(), ..seen };
     stl::write(&at("tilted.stl"), &scan).unwrap();
-    let marks = landmarks::read(&at("tilted_landmarks.csv")).unwrap();
-    let marks = Landmarks(marks.0.iter().map(|(name, p)| (name.clone(), place.point(p))).collect());
-    landmarks::write_csv(&at("scan_landmarks.csv"), &marks).unwrap();
+    let sliding = landmarks::read(&at("tilted_landmarks.csv")).unwrap();
+    // Where the chest's marks of the supine pose are in the tilted one, if they stay on the bone.
+    let still = landmarks::read(&at("supine_landmarks.csv")).unwrap();
+    let still = Landmarks(
+        still.0.iter().map(|(name, p)| (name.clone(), moved.inverse().point(p))).collect(),
+    );
+    let mark = |marks: &Landmarks| {
+        let own = marks.0.iter().map(|(name, p)| (name.clone(), place.point(p))).collect();
+        landmarks::write_csv(&at("scan_landmarks.csv"), &Landmarks(own)).unwrap();
+    };
+    mark(&still);
+    let known_place = sliding.0["nipple_right"];
     let known = parse(poses).unwrap();
     let [x, y, z] = place.direction(&known.poses["tilted"].gravity().unwrap()).into();
 
@@ -100,9 +120,18 @@ fn a_scan_may_stand_for_an_image() {
         "modified Hausdorff distance, before and after: image {imaged:.2?}, scan {found:.2?} mm"
     );
     for (image, scan) in imaged.iter().zip(found) {
-        assert!((image - scan).abs() < 0.3, "image {imaged:?}, scan {found:?}");
+        assert!((image - scan).abs() < 0.1, "image {imaged:?}, scan {found:?}");
     }
-    assert!(found[1] < found[0]);
+    mark(&sliding);
+    mammotwin(&["run", &file]);
+    let off = motion(folder.path()).point(&place.point(&known_place));
+    let off = (off - moved.point(&known_place)).norm();
+    println!(
+        "marks on the skin: {:.2?} mm, placed {off:.1} mm off at the right nipple",
+        tilted(folder.path())
+    );
+    // Seven millimetres: what docs/study.md warns of.
+    assert!((2.0..10.0).contains(&off), "{off}");
 
     // One breast of it is not enough.
     let half = TriMesh {
