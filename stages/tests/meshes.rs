@@ -138,6 +138,17 @@ fn check_faces(preset: &str, sizes_mm: &[f64]) {
             between(&mesh, &torso, Patch::ChestWall, &|p| torso.chest_wall(p)),
         ];
         println!("{preset}, {size_mm} mm: skin {skin:.3?}, chest wall {wall:.3?} mm");
+        let off = faces_off(&mesh, Patch::Skin, &|p: &Vec3| torso.smooth_skin(p));
+        let mut order: Vec<usize> = (0..off.len()).collect();
+        order.sort_by(|a, b| off[*b].abs().total_cmp(&off[*a].abs()));
+        for n in order.iter().take(40).step_by(4) {
+            let face = mesh.patch(Patch::Skin)[n / 10];
+            let [a, b, c] = face.map(|n| mesh.points[n as usize]);
+            let p = (a + b + c) / 3.0;
+            let breast = torso.nearer(&p);
+            let l = mammotwin_stages::volunteer::torso::local(breast, &p);
+            println!("   {:.3} at {p:.1?} local {l:.1?} of {:?} {:?}; edges {:.1} {:.1} {:.1}; lateral {:.2} sup {:.2}", off[*n], torso.person.breast.base_x_mm, torso.person.breast.projection_mm, (a-b).norm(), (b-c).norm(), (c-a).norm(), p.y - torso.limits.least_y_mm, torso.limits.greatest_z_mm - p.z.abs());
+        }
         for [p95, max] in skin.into_iter().chain(wall) {
             // Edges of 8 mm and less; 11 mm have 0.3 mm by the square of their lengths.
             let limit = 0.3 * (size_mm / 8.0).powi(2).max(1.0);
@@ -156,45 +167,32 @@ fn faces_of_8_mm_are_within_0_3_mm_of_their_surface() {
 fn faces_are_as_near_to_their_surface_as_their_size_lets_them() {
     check_faces("small", &[5.0, 11.0]);
     check_faces("large", &[8.0, 11.0]);
-    let torso = torso("large", 3);
-    let mesh = tetrahedralize(&torso, &Meshing::of_size(8.0), |_| Tissue::AdiposeRight).unwrap();
-    let off = faces_off(&mesh, Patch::Skin, &|p: &Vec3| torso.smooth_skin(p));
-    let mut order: Vec<usize> = (0..off.len()).collect();
-    order.sort_by(|a, b| off[*b].abs().total_cmp(&off[*a].abs()));
-    for n in order.iter().step_by(10).take(8) {
-        let face = mesh.patch(Patch::Skin)[n / 10];
-        let corners = face.map(|n| mesh.points[n as usize]);
-        println!("{:.3} {corners:.1?} {:.1?}", off[*n], corners.map(|p| torso.distances(&p).patches().map(|q| torso.distances(&p).of(q)).collect::<Vec<_>>()));
-    }
 }
 
-/// Prone, with elements that are larger inside.
+/// Larger elements inside: the surface is as without them, elements are good, and fewer.
 #[test]
-#[ignore = "by hand"]
-fn graded() {
-    use mammotwin_data::study::Elements;
-    use mammotwin_stages::volunteer::{PoseName, mechanics::TruthBody};
+#[ignore = "minutes: half a million elements"]
+fn larger_elements_inside_leave_the_surface_as_it_is() {
     let torso = torso("large", 3);
-    let prone = |plan: MeshPlan| {
-        let start = std::time::Instant::now();
-        let body = TruthBody::new(&torso, plan, &Silent).unwrap();
-        let points = body.deform(PoseName::Prone, &Silent).unwrap().points;
-        let s = quality(&body.mesh.points, &body.mesh.tets).summary;
-        println!("{plan:?} {:?}, {} nodes {} tets {:.3}", start.elapsed(), points.len(), s.tets, s.max_skewness);
-        (TriMesh { points, triangles: body.mesh.patch(Patch::Skin).to_vec() }, body.supine.points.clone())
+    let of = |doublings: u32| {
+        let meshing = Meshing { doublings, ..Meshing::of_size(4.0) };
+        tetrahedralize(&torso, &meshing, |_| Tissue::AdiposeRight).unwrap()
     };
-    let (truth, _) = prone(MeshPlan { size_mm: 18.0, elements: Elements::Quadratic, doublings: 0 });
-    let index = SurfaceIndex::new(&truth).unwrap();
-    for (size_mm, doublings) in [(12.0, 0), (10.0, 1), (10.0, 0), (8.0, 1), (8.0, 2), (8.0, 0)] {
-        let (skin, supine) = prone(MeshPlan { size_mm, doublings, ..MeshPlan::default() });
-        let mut nodes: Vec<u32> = skin.triangles.iter().flatten().copied().collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        nodes.retain(|&n| torso.breasts.iter().any(|b| (15.0..55.0).contains(&(supine[n as usize] - b.apex).norm())));
-        let points: Vec<Vec3> = nodes.iter().map(|&n| skin.points[n as usize]).collect();
-        let off: Vec<f64> = index.closest_of(&points).unwrap().iter().zip(&points).map(|(c, p)| c.signed_mm(p)).collect();
-        let mean = off.iter().sum::<f64>() / off.len() as f64;
-        let rms = (off.iter().map(|v| v * v).sum::<f64>() / off.len() as f64).sqrt();
-        println!("{size_mm} {doublings}: mean {mean:.3} rms {rms:.3}");
+    let uniform = of(0);
+    let faces = |mesh: &TetMesh| mesh.outer_surface().triangles.len() as f64;
+    for doublings in [1, 2] {
+        let graded = of(doublings);
+        let s = quality(&graded.points, &graded.tets).summary;
+        let fewer = graded.tets.len() as f64 / uniform.tets.len() as f64;
+        let volume = graded.volume_mm3() / uniform.volume_mm3() - 1.0;
+        println!(
+            "{doublings}: {fewer:.3} of {} tetrahedra, faces {:.4}, volume {volume:.1e}, {s:?}",
+            uniform.tets.len(),
+            faces(&graded) / faces(&uniform)
+        );
+        assert!(fewer < 0.9 && volume.abs() < 1e-3);
+        assert!((faces(&graded) / faces(&uniform) - 1.0).abs() < 0.01);
+        assert!(s.over_095 == 0 && 1000 * s.over_075 < s.tets);
+        assert!(s.max_aspect_ratio < 20.0 && s.max_angle_deg < 165.0);
     }
 }
