@@ -213,7 +213,7 @@ pub fn discover(
         Elements::Quadratic => (study.mesh, mesh, calibration),
         Elements::Linear => {
             let size_mm = QUADRATIC_EDGE * study.mesh.size_mm;
-            let meshing = MeshPlan { size_mm, elements: Elements::Quadratic, doublings: 0 };
+            let meshing = MeshPlan { size_mm, elements: Elements::Quadratic };
             let (mesh, calibration) = calibrated(study, meshing, &measured, "quadratic", run)?;
             (meshing, mesh, calibration)
         }

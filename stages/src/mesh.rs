@@ -280,7 +280,7 @@ impl Mesh {
         placement: Placement,
         progress: &dyn Progress,
     ) -> Result<BreastMesh, Failure> {
-        let MeshPlan { size_mm, elements, doublings } = self.0;
+        let MeshPlan { size_mm, elements } = self.0;
         let limits = Limits::of(labels)?;
         let field = |mask: Volume<bool>, spacing_mm: f64| {
             distance_field(&mask, &FieldPlan::of_spacing(spacing_mm))
@@ -305,7 +305,7 @@ impl Mesh {
             if p.x > limits.sternum_mm { Tissue::AdiposeRight } else { Tissue::AdiposeLeft }
         };
         progress.report(0.5, "tetrahedra");
-        let meshing = Meshing { size_mm, placement, doublings };
+        let meshing = Meshing { size_mm, placement };
         let mesh = tetrahedralize(&domain, &meshing, tissue)
             .map_err(|cause| Failure::Numerics(format!("mesh: {cause}")))?;
         let anatomy = Anatomy::of(&mesh, limits.sternum_mm)

@@ -173,7 +173,7 @@ impl Shape {
     /// No mesh of this size.
     pub fn new(shape: usize, size_mm: f64) -> Result<Self, Failure> {
         let torso = Torso::new(Preset::named(SHAPES[shape])?, PERSON);
-        let meshing = MeshPlan { size_mm, elements: Elements::Linear, doublings: 0 };
+        let meshing = MeshPlan { size_mm, elements: Elements::Linear };
         let body = TruthBody::new(&torso, meshing, &Silent)?;
         let (plan, height_mm) = (model_plan(&torso.person), torso.person.breast.projection_mm);
         Ok(Self { body, plan, height_mm })

@@ -12,7 +12,7 @@ use mammotwin_solver::{Options, solve};
 use mammotwin_stages::model::Moduli;
 use mammotwin_stages::volunteer::{PoseName, Preset, Torso, mechanics::TruthBody, model_plan};
 
-const LINEAR: MeshPlan = MeshPlan { size_mm: 15.0, elements: Elements::Linear, doublings: 0 };
+const LINEAR: MeshPlan = MeshPlan { size_mm: 15.0, elements: Elements::Linear };
 
 struct Volunteer {
     torso: Torso,

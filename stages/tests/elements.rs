@@ -24,8 +24,7 @@ struct Posed {
 
 fn prone(size_mm: f64, elements: Elements) -> Posed {
     let torso = Torso::new(Preset::named("tiny").unwrap().person(3), 3);
-    let body =
-        TruthBody::new(&torso, MeshPlan { size_mm, elements, doublings: 0 }, &Silent).unwrap();
+    let body = TruthBody::new(&torso, MeshPlan { size_mm, elements }, &Silent).unwrap();
     let points = body.deform(PoseName::Prone, &Silent).unwrap().points;
     let around = |p: &Vec3| {
         let near = |apex: &Vec3| (AROUND_MM[0]..AROUND_MM[1]).contains(&(p - apex).norm());

@@ -16,7 +16,7 @@ use mammotwin_stages::volunteer::{PoseName, Preset, Torso, mechanics::TruthBody,
 type Ways = Vec<(Option<InterfaceRegion>, f64)>;
 
 /// Elements of the bodies.
-const LINEAR: MeshPlan = MeshPlan { size_mm: 13.0, elements: Elements::Linear, doublings: 0 };
+const LINEAR: MeshPlan = MeshPlan { size_mm: 13.0, elements: Elements::Linear };
 
 struct Volunteer {
     torso: Torso,

@@ -36,7 +36,7 @@ struct Volunteer {
 fn volunteer(preset: &str) -> Volunteer {
     let torso = Torso::new(Preset::named(preset).unwrap(), 1);
     let size_mm = if preset == "tiny" { 13.0 } else { 8.5 };
-    let meshing = MeshPlan { size_mm, elements: Elements::Linear, doublings: 0 };
+    let meshing = MeshPlan { size_mm, elements: Elements::Linear };
     let body = TruthBody::new(&torso, meshing, &Silent).unwrap();
     println!("{preset}: {} tetrahedra", body.mesh.tets.len());
     Volunteer { body, plan: model_plan(&torso.person) }

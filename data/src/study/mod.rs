@@ -354,19 +354,11 @@ pub struct MeshPlan {
     pub size_mm: f64,
     /// Elements of the poses; a compression has linear ones on their corners.
     pub elements: Elements,
-    /// How often edges are doubled deep inside.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub doublings: u32,
-}
-
-/// Whether a number is left out when it is written: keys of stages are as they were before it.
-fn is_zero(number: &u32) -> bool {
-    *number == 0
 }
 
 impl Default for MeshPlan {
     fn default() -> Self {
-        Self { size_mm: 8.0, elements: Elements::Linear, doublings: 0 }
+        Self { size_mm: 8.0, elements: Elements::Linear }
     }
 }
 

@@ -104,7 +104,6 @@ fn check(study: &Study) -> Checked {
     }
     model(&study.model)?;
     within("mesh.size_mm", study.mesh.size_mm, 0.5, 50.0)?;
-    within("mesh.doublings", f64::from(study.mesh.doublings), 0.0, 2.0)?;
     known("calibrate.parameters", &study.calibrate.parameters, &CALIBRATED)?;
     if !study.calibrate.parameters.is_empty() {
         let fitted = study.uses().filter(|(_, usage)| *usage == Use::Fit).count();

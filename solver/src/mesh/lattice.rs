@@ -53,16 +53,6 @@ impl Lattice {
         self.cell_mm
     }
 
-    /// Number of cells along the lattice's axes.
-    pub fn cells(&self) -> [usize; 3] {
-        self.cells
-    }
-
-    /// Where (mm) a place of the lattice is that is given in cells.
-    pub fn place(&self, cells: &Vec3) -> Vec3 {
-        self.origin + self.rotation * (cells * self.cell_mm)
-    }
-
     /// Points (mm): low corners of all cells, then centres of all cells.
     pub fn points(&self) -> Vec<Vec3> {
         let [ni, nj, nk] = self.cells;
@@ -70,7 +60,8 @@ impl Lattice {
         for half in [0.0, 0.5] {
             for n in 0..ni * nj * nk {
                 let cell = Vec3::new((n % ni) as f64, (n / ni % nj) as f64, (n / ni / nj) as f64);
-                points.push(self.place(&cell.add_scalar(half)));
+                let at = cell.add_scalar(half) * self.cell_mm;
+                points.push(self.origin + self.rotation * at);
             }
         }
         points

@@ -10,7 +10,6 @@ pub mod clip;
 pub mod crop;
 pub mod domain;
 mod flip;
-mod graded;
 pub mod improve;
 pub mod lattice;
 pub mod locate;

@@ -3,7 +3,6 @@
 use super::{
     clip::{Draft, clip},
     domain::{Domain, PatchDistances, PatchSet},
-    graded::Octree,
     improve::improve,
     lattice::{Lattice, Placement},
     topology::{Adjacency, OuterFace, face_neighbors, largest_component, pinched_nodes},
@@ -23,14 +22,12 @@ pub struct Meshing {
     pub size_mm: f64,
     /// How the lattice lies; another one gives an unrelated mesh of the same body.
     pub placement: Placement,
-    /// How often edges are doubled away from surfaces, by `size_mm` a doubling; 0 is one size for all.
-    pub doublings: u32,
 }
 
 impl Meshing {
     /// Edges of `size_mm` on the usual lattice.
     pub fn of_size(size_mm: f64) -> Self {
-        Self { size_mm, placement: Placement::default(), doublings: 0 }
+        Self { size_mm, placement: Placement::default() }
     }
 }
 
@@ -116,7 +113,7 @@ pub(super) fn on_lattice(
 ) -> Result<TetMesh, MeshError> {
     let size_mm = meshing.size_mm;
     let lattice = lattice(domain, meshing)?;
-    let (mut draft, patches) = lattice_draft(domain, &lattice, meshing.doublings);
+    let (mut draft, patches) = lattice_draft(domain, &lattice);
     if patches.is_empty() {
         return Err(MeshError::BadInput("no surface bounds the body; name its patches".into()));
     }
@@ -145,17 +142,12 @@ pub(super) fn on_lattice(
 }
 
 fn lattice(domain: &dyn Domain, meshing: &Meshing) -> Result<Lattice, MeshError> {
-    let Meshing { size_mm, placement, doublings } = meshing;
+    let Meshing { size_mm, placement } = meshing;
     if !(*size_mm > 0.0 && size_mm.is_finite()) {
         return Err(MeshError::BadInput(format!("size_mm is {size_mm}; give a positive length")));
     }
     if !placement.rotation.iter().chain(&placement.offset).all(|v| v.is_finite()) {
         return Err(MeshError::BadInput("the placement of the lattice is not finite".into()));
-    }
-    if *doublings > MOST_DOUBLINGS {
-        return Err(MeshError::BadInput(format!(
-            "doublings is {doublings}; take at most {MOST_DOUBLINGS}"
-        )));
     }
     let (low, high) = domain.bounds();
     let extent = high - low;
@@ -172,34 +164,15 @@ fn lattice(domain: &dyn Domain, meshing: &Meshing) -> Result<Lattice, MeshError>
     Ok(Lattice::covering((low, high), *size_mm, placement))
 }
 
-/// Largest number of doublings.
-const MOST_DOUBLINGS: u32 = 2;
-/// A cell is divided that is nearer to a surface than this part of its length, and one smallest cell.
-/// With 0.87, half its diagonal, no larger cell would meet one; distances are not exact.
-const CLEAR: f64 = 1.2;
-
 /// The part of the lattice that may meet the body, and the patches of the body.
-fn lattice_draft(domain: &dyn Domain, lattice: &Lattice, doublings: u32) -> (Draft, Vec<Patch>) {
-    let graded = (doublings > 0).then(|| {
-        let near = |middle: &Vec3, length: f64| {
-            let distance = domain.distances(&lattice.place(middle)).max().abs();
-            distance < (CLEAR * length + 1.0) * lattice.cell_mm()
-        };
-        let (mut points, tets) = Octree::new(lattice.cells(), doublings, near).tets();
-        points.iter_mut().for_each(|p| *p = lattice.place(p));
-        (points, tets)
-    });
-    let points = graded.as_ref().map_or_else(|| lattice.points(), |(points, _)| points.clone());
+fn lattice_draft(domain: &dyn Domain, lattice: &Lattice) -> (Draft, Vec<Patch>) {
+    let points = lattice.points();
     let distances: Vec<PatchDistances> = points.par_iter().map(|p| domain.distances(p)).collect();
     let patches: Vec<Patch> = distances.first().map_or(Vec::new(), |d| d.patches().collect());
-    let keep = |tet: &[u32; 4]| {
+    let tets = lattice.tets(|tet| {
         let inside = |&patch: &Patch| tet.iter().any(|&n| distances[n as usize].of(patch) < 0.0);
         patches.iter().all(inside)
-    };
-    let tets = match graded {
-        Some((_, tets)) => tets.into_iter().filter(keep).collect(),
-        None => lattice.tets(keep),
-    };
+    });
     let on = vec![PatchSet::NONE; points.len()];
     let mut draft = Draft { points, on, tets };
     draft.compact();

@@ -100,7 +100,7 @@ impl Person {
             *modulus *= self.stiffer;
         }
         let torso = Torso::new(person, self.seed);
-        let meshing = MeshPlan { size_mm: mesh.size_mm, elements: Elements::Linear, doublings: 0 };
+        let meshing = MeshPlan { size_mm: mesh.size_mm, elements: Elements::Linear };
         let body = TruthBody::on_lattice(&torso, meshing, mesh.placement, &Silent)?;
         Ok(Ready { body, model: model_plan(&torso.person) })
     }

@@ -66,13 +66,12 @@ pub const TRUTH: Placement =
 /// # Errors
 /// [`Failure::Numerics`] when the torso cannot be meshed at this size.
 pub fn stress_free_mesh(torso: &Torso, size_mm: f64) -> Result<TetMesh, Failure> {
-    on_lattice(torso, MeshPlan { size_mm, ..MeshPlan::default() }, TRUTH)
+    on_lattice(torso, size_mm, TRUTH)
 }
 
-fn on_lattice(torso: &Torso, plan: MeshPlan, placement: Placement) -> Result<TetMesh, Failure> {
+fn on_lattice(torso: &Torso, size_mm: f64, placement: Placement) -> Result<TetMesh, Failure> {
     let side = |p: &Vec3| if p.x > 0.0 { Tissue::AdiposeRight } else { Tissue::AdiposeLeft };
-    let MeshPlan { size_mm, doublings, .. } = plan;
-    tetrahedralize(torso, &Meshing { size_mm, placement, doublings }, side)
+    tetrahedralize(torso, &Meshing { size_mm, placement }, side)
         .map_err(|cause| Failure::Numerics(format!("truth mesh: {cause}")))
 }
 
@@ -115,7 +114,7 @@ impl TruthBody {
         placement: Placement,
         progress: &dyn Progress,
     ) -> Result<Self, Failure> {
-        let mesh = on_lattice(torso, meshing, placement)?;
+        let mesh = on_lattice(torso, meshing.size_mm, placement)?;
         let (mesh, quadratic) = match meshing.elements {
             Elements::Linear => (mesh, None),
             Elements::Quadratic => {

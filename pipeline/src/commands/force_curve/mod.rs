@@ -186,7 +186,7 @@ fn gather(
         study.model.breast.young_left_kpa = moduli.left_kpa;
         let meshing = |part: &f64| {
             let size_mm = part * study.mesh.size_mm;
-            let meshing = MeshPlan { size_mm, elements: Elements::Linear, doublings: 0 };
+            let meshing = MeshPlan { size_mm, elements: Elements::Linear };
             (format!("curve_mesh_{part}").replace('.', "-"), meshing)
         };
         let meshings: Vec<_> = OTHER_MESHES.iter().map(meshing).collect();
