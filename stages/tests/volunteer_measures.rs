@@ -5,15 +5,17 @@
 
 use mammotwin_data::{
     Vec3,
-    io::nifti,
+    io::nifti::{self, Version},
     labels::{LabelMap, Side, Tissue},
     progress::Silent,
     store::Stage,
+    study::LabelName,
     volume::{Grid, Volume},
 };
 use mammotwin_imaging::mri::synthesize::{Coil, Sample, Scan, Substance, scan};
 use mammotwin_stages::{
     measure::{Measure, NippleFrom, PoseMeasures},
+    relabel::Relabel,
     segment::Segment,
     surface::Surface,
     volunteer::{
@@ -187,5 +189,63 @@ fn skin_of_poses_comes_near_that_of_the_volunteer() {
             println!("{name}: {one:.2?}; nipple {off:.1} mm from the marker under it");
         }
         assert!(count > 1000.0 && mean.abs() < 0.25 && rms < 0.45);
+    }
+}
+
+/// The same labels as posterior-inferior-right (PIR): -y, -z, +x.
+fn as_pir(labels: &LabelMap) -> LabelMap {
+    let old = &labels.grid;
+    let [ni, nj, nk] = old.shape;
+    let back = |[a, b, c]: [usize; 3]| [c, nj - 1 - a, nk - 1 - b];
+    let mut grid = old.clone();
+    grid.shape = [nj, nk, ni];
+    grid.origin = old.center(back([0; 3]));
+    grid.axes.set_column(0, &-old.axes.column(1));
+    grid.axes.set_column(1, &-old.axes.column(2));
+    grid.axes.set_column(2, &old.axes.column(0));
+    let values = (0..grid.len()).map(|n| labels.at(back(grid.voxel(n)))).collect();
+    Volume { grid, values }
+}
+
+/// Finished labels of another program: other numbers, sides not told, 16 bit, sagittal slices.
+#[test]
+fn labels_of_another_program_in_another_order_measure_the_same() {
+    let torso = Torso::new(Preset::named("small").unwrap().person(54), 54);
+    let (image, labels) = scanned(&torso, 2.5);
+    let number = |tissue: Tissue| match tissue {
+        Tissue::AdiposeRight | Tissue::AdiposeLeft => 300,
+        Tissue::FibroglandularRight | Tissue::FibroglandularLeft => 20,
+        other => 1000 * u16::from(other.label()),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("labels.nii.gz");
+    let turned = as_pir(&labels);
+    nifti::write_raw_labels(&path, &turned.map(number), Version::One).unwrap();
+    let summary = nifti::inspect(&path).unwrap();
+    assert_eq!((summary.orientation.as_str(), summary.dtype.as_str()), ("PIR", "uint16"));
+    let names = [
+        ("300", LabelName::Adipose),
+        ("20", LabelName::Fibroglandular),
+        ("5000", LabelName::Skin),
+        ("6000", LabelName::PectoralMuscle),
+        ("7000", LabelName::Thorax),
+        ("8000", LabelName::NippleAreola),
+        ("9000", LabelName::Other),
+    ];
+    let map = names.map(|(number, name)| (number.to_owned(), name)).into();
+    let raw = nifti::read_raw_labels(&path).unwrap();
+    let read = Relabel { map }.run(&raw, &Silent).unwrap();
+    assert_eq!(read.values, turned.values, "sides or tissues were exchanged");
+
+    let (ras, pir) = (measured(&image, &labels), measured(&image, &read));
+    for (a, b) in ras.sides.iter().zip(&pir.sides) {
+        let moved = (a.nipple_mm - b.nipple_mm).norm();
+        println!(
+            "protrusion {:.4}, {:.4} mm; nipple {moved:.4} mm",
+            a.protrusion_mm, b.protrusion_mm
+        );
+        assert_eq!((a.side, a.gland_cm3), (b.side, b.gland_cm3));
+        assert!((a.volume_cm3 / b.volume_cm3 - 1.0).abs() < 1e-6);
+        assert!((a.protrusion_mm - b.protrusion_mm).abs() < 0.02 && moved < 0.1);
     }
 }

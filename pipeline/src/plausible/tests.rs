@@ -208,10 +208,10 @@ fn numbered_labels_and_scribbles_are_looked_at_too() {
     nifti::write_raw_labels(&path, &numbered, Version::One).unwrap();
     let key = "labels = \"labels.nii.gz\"";
     let with = |map: &str| study(key, &format!("labels = \"numbered.nii.gz\"\nlabel_map = {map}"));
-    let all = with("{ 100 = \"adipose\", 200 = \"adipose\" }");
+    let all = with("{ 100 = \"adipose\", 400 = \"fibroglandular\" }");
     assert_eq!(said(&all, "poses.prone.labels", Weight::Wrong), "");
     let few = with("{ 100 = \"adipose\" }");
-    assert!(said(&few, "poses.prone.labels", Weight::Wrong).contains("does not name 200"));
+    assert!(said(&few, "poses.prone.labels", Weight::Wrong).contains("does not name 400"));
 
     let mut marks = Volume::filled(Folder::grid(8.0), 0u16);
     let path = folder.path("marks.nii.gz");

@@ -165,6 +165,7 @@ impl Marks {
             Class::ALL.into_iter().zip(levels).filter_map(|(c, l)| Some((c, l?))).collect();
         let brightest = known.iter().map(|(_, l)| l.mean).fold(f64::NEG_INFINITY, f64::max);
         let [dark, bright] = [fat.mean.exp(), gland.mean.exp()];
+        let apart = (gland.mean - fat.mean).abs() > BRIGHT_FAT[1];
         let slice = self.grid.shape[0] * self.grid.shape[1];
         let mut values = image.values.clone();
         let mut breast = image.values.clone();
@@ -186,8 +187,12 @@ impl Marks {
                     total += likely;
                 }
                 *value = (FAT * sum / total).max(FAT * Class::Air.nominal()) as f32;
-                let share = ((even.exp() - dark) / (bright - dark)).clamp(-0.5, 1.5);
-                *inner = (1.0 - share * (1.0 - Class::Gland.nominal())) as f32;
+                *inner = if apart {
+                    let share = ((even.exp() - dark) / (bright - dark)).clamp(-0.5, 1.5);
+                    (1.0 - share * (1.0 - Class::Gland.nominal())) as f32
+                } else {
+                    *value / FAT as f32
+                };
             }
         });
         let volume = |values| Volume { grid: image.grid.clone(), values };
