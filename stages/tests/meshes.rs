@@ -20,7 +20,7 @@ use mammotwin_solver::{
     distance::SurfaceIndex,
     mesh::{
         domain::Domain,
-        quality::{Summary, quality},
+        quality::Summary,
         tetrahedralize::{Meshing, tetrahedralize},
     },
 };
