@@ -142,7 +142,7 @@ mod tests {
     use crate::surface::Surface;
     use mammotwin_data::{labels::Tissue, progress::Silent, store::Stage, volume::Grid};
 
-    /// A thorax with muscle in front of it, flat but for a dent of 2 mm at the right.
+    /// A thorax with muscle in front of it, flat but for a dent at the right.
     fn chest(dent_mm: f64) -> LabelMap {
         let grid = Grid::aligned([80, 50, 60], [1.0; 3], Vec3::new(-40.0, -30.0, -30.0));
         let tissue = |n: usize| {
@@ -161,7 +161,7 @@ mod tests {
 
     #[test]
     fn a_dent_and_a_shift_are_seen_at_the_front_alone() {
-        let [fixed, dented] = [0.0, 2.0].map(|dent| {
+        let [fixed, dented] = [0.0, 3.0].map(|dent| {
             let labels = chest(dent);
             (Surface::default().run(&labels, &Silent).unwrap(), labels)
         });
@@ -171,12 +171,14 @@ mod tests {
         };
         let still = of(Vec3::zeros());
         println!("{still:?}");
-        // Half of the front lies 2 mm behind.
-        assert!((still.mean_mm + 1.0).abs() < 0.15, "{still:?}");
-        assert!((still.p95_mm - 2.0).abs() < 0.15 && (still.max_mm - 2.0).abs() < 0.3);
+        // Half of the front lies 3 mm behind.
+        assert!((still.mean_mm + 1.5).abs() < 0.2, "{still:?}");
+        assert!((still.p95_mm - 3.0).abs() < 0.2 && (still.max_mm - 3.0).abs() < 0.3, "{still:?}");
         assert_eq!(still.within_5mm, 1.0);
-        let forward = of(Vec3::new(0.0, 6.0, 0.0));
-        assert!((forward.mean_mm - 5.0).abs() < 0.15, "{forward:?}");
+        // 4 mm ahead there, and 7 mm where the front is not dented.
+        let forward = of(Vec3::new(0.0, 7.0, 0.0));
+        println!("{forward:?}");
+        assert!((forward.mean_mm - 5.5).abs() < 0.2, "{forward:?}");
         assert!((forward.within_5mm - 0.5).abs() < 0.1, "{forward:?}");
     }
 
