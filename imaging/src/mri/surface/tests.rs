@@ -79,15 +79,17 @@ fn random_noise_is_closed_too() {
 
 #[test]
 fn no_noise_makes_a_surface_pass_through_itself() {
+    let mut before = 0;
     for (seed, rough) in (0..4).flat_map(|seed| [(seed, true), (seed, false)]) {
         let field = noise(seed, 1.0, rough);
         let surface = surface(&field);
         let unmended = crossings(&project(&surface, &field)).len();
         println!("{} triangles, {unmended} pairs unmended", surface.triangles.len());
-        assert!(unmended > 0, "nothing to mend");
         assert!(crossings(&surface).is_empty());
         check_closed(&surface);
+        before += unmended;
     }
+    assert!(before > 0, "nothing had to be mended");
 }
 
 #[test]
