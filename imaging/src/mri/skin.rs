@@ -314,7 +314,8 @@ impl<'a> Web<'a> {
             let mut reached = vec![usize::MAX; values.len()];
             let (mut queue, mut found) = (Vec::new(), Vec::new());
             let of = |&n: &usize| {
-                (queue.clear(), found.clear());
+                queue.clear();
+                found.clear();
                 queue.push(n);
                 reached[n] = n;
                 while let Some(m) = queue.pop() {
