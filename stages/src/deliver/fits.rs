@@ -321,7 +321,8 @@ mod tests {
         assert!(told.len() == 1 && told[0].contains("breast_left_outer"), "{told:?}");
         let none = Fiducials { pose: "prone".into(), ..Fiducials::default() };
         assert!(
-            markers(&none).is_empty() && metrics(&calibration(1.0), &[none.clone()]).len() == 2
+            markers(&none).is_empty()
+                && metrics(&calibration(1.0), std::slice::from_ref(&none)).len() == 2
         );
         assert_eq!(marker_warnings(&[none], true), [NO_FIDUCIAL]);
         assert_eq!(marker_warnings(&[], true), [NO_FIDUCIAL]);
