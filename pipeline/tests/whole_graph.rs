@@ -228,7 +228,7 @@ fn places_of_tissue_are_carried(study: &Path, truth: &Path) {
     // Stated too small or too large by a factor of two would be a wrong statement.
     assert!((0.5..2.0).contains(&ratio), "{ratio}");
 
-    let inside = ["--quick", "--from", "compressed", "--point", "3,25,18"];
+    let inside = ["--quick", "--from", "compressed", "--point", "3,8,20"];
     let found = ask(&inside);
     let mapped = &found["points"][0]["places"];
     let pixel = [0, 1].map(|n| mapped["mammogram"]["pixel"][n].as_f64().unwrap());
@@ -242,14 +242,14 @@ fn places_of_tissue_are_carried(study: &Path, truth: &Path) {
         &format!("{},{}", pixel[0], pixel[1]),
     ]);
     let points = line["points"].as_array().unwrap();
-    assert!(points.len() > 20, "{}", points.len());
+    assert!(points.len() > 10, "{}", points.len());
     let mut nearest = f64::INFINITY;
     for point in points {
         let shadow = &point["places"]["mammogram"]["pixel"];
         for (n, given) in pixel.iter().enumerate() {
             assert!((shadow[n].as_f64().unwrap() - given).abs() < 1e-6, "{shadow}");
         }
-        nearest = nearest.min(off(vector(&point["given_mm"]), [3.0, 25.0, 18.0]));
+        nearest = nearest.min(off(vector(&point["given_mm"]), [3.0, 8.0, 20.0]));
     }
     assert!(nearest < 0.51, "the line passes {nearest} mm beside the point");
 

@@ -23,7 +23,7 @@ pub fn map(arguments: &MapArguments) -> Result<(), Failure> {
     let command = format!("mammotwin run {}", arguments.study.study.display());
     let options = Options::default();
     let outcome = plan(&opened, &options)?.outcome;
-    let mut body = Body::load(&opened.study, &command, &outcome)?;
+    let mut body = Body::load(&opened.study, &opened.base, &command, &outcome)?;
     let from = body.shape(&arguments.from)?;
     let is_pose = opened.study.poses.get(&arguments.from);
     let is_picture = arguments.from == "mammogram";

@@ -7,6 +7,7 @@ pub use spread::Spread;
 use crate::graph::{self, Fitted, Outcome};
 use mammotwin_data::{
     Failure, Vec3,
+    io::landmarks,
     labels::{Side, Tissue},
     rigid::RigidTransform,
     store::{Run, Stored},
@@ -24,7 +25,7 @@ use mammotwin_stages::{
     stiffer::Stiffer,
 };
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, path::Path};
 
 /// What a run found, as far as places are concerned.
 pub struct Body {
@@ -38,6 +39,7 @@ pub struct Body {
     held_out: Vec<String>,
     fits: BTreeMap<String, PoseFit>,
     shapes: Shapes,
+    markers: Vec<spread::Marker>,
     /// The same with moduli one standard deviation higher.
     pub stiffer: Option<Shapes>,
     unit: Option<Geometry>,
@@ -112,7 +114,12 @@ impl Body {
     ///
     /// # Errors
     /// [`Failure::BadInput`] when the study was not run: it says with which command it is.
-    pub fn load(study: &Study, command: &str, outcome: &Outcome) -> Result<Self, Failure> {
+    pub fn load(
+        study: &Study,
+        base: &Path,
+        command: &str,
+        outcome: &Outcome,
+    ) -> Result<Self, Failure> {
         let Outcome { reference, measured, mesh, calibration, validations, squeezed, .. } = outcome;
         let targets = measured.targets(study);
         let pending = targets.iter().filter(|target| target.registered.is_pending()).count()
@@ -141,7 +148,8 @@ impl Body {
             registered.insert(target.name.clone(), target.registered.load()?);
         }
         let held_out = |name: &&String| study.usage(name) == Some(Use::Validate);
-        Ok(Self {
+        let mut body = Self {
+            markers: Vec::new(),
             reference: reference.clone(),
             mesh: mesh.load()?,
             held_out: validations.keys().filter(held_out).cloned().collect(),
@@ -153,7 +161,44 @@ impl Body {
             shapes,
             stiffer: None,
             unit: study.mammogram.as_ref().map(geometry).transpose()?,
-        })
+        };
+        body.markers = body.carried_markers(study, base)?;
+        Ok(body)
+    }
+
+    /// Landmarks of the skin that two poses have, carried from each to each other.
+    fn carried_markers(&self, study: &Study, base: &Path) -> Result<Vec<spread::Marker>, Failure> {
+        let mut marks: BTreeMap<&str, BTreeMap<String, Vec3>> = BTreeMap::new();
+        for (name, pose) in &study.poses {
+            let Some(path) = &pose.landmarks else { continue };
+            let motion = self.to_reference(name);
+            let read = landmarks::read(&base.join(path))?.0.into_iter();
+            let of_skin = |name: &str| name.starts_with("breast_") || name.starts_with("nipple_");
+            let own = read.filter(|(mark, _)| of_skin(mark)).map(|(m, p)| (m, motion.point(&p)));
+            marks.insert(name, own.collect());
+        }
+        let mut found = Vec::new();
+        for (from, own) in &marks {
+            let shape = Shape::Pose((*from).to_owned());
+            let points: Vec<Vec3> = own.values().copied().collect();
+            let carried = self.carrier(&self.shapes).carry(&shape, &points);
+            for ((mark, at), places) in own.iter().zip(carried) {
+                let Ok(places) = places else { continue };
+                for (to, others) in marks.iter().filter(|(to, _)| *to != from) {
+                    let Some((there, place)) = others.get(mark).zip(places.poses.get(*to)) else {
+                        continue;
+                    };
+                    found.push(spread::Marker {
+                        from: (*from).to_owned(),
+                        to: (*to).to_owned(),
+                        side: side(places.tissue),
+                        at: *at,
+                        off_mm: (place - there).norm(),
+                    });
+                }
+            }
+        }
+        Ok(found)
     }
 
     /// From the image of a pose to the frame of the reference pose.
@@ -219,11 +264,8 @@ impl Body {
     }
 
     fn rows(&self, from: &Shape, places: &Places, stiffer: Option<&Places>) -> Mapped {
-        let side = match places.tissue {
-            Tissue::AdiposeLeft | Tissue::FibroglandularLeft => Side::Left,
-            _ => Side::Right,
-        };
-        let errors = spread::Errors { body: self, from, side, outside_mm: places.outside_mm };
+        let side = side(places.tissue);
+        let errors = spread::Errors { body: self, from, side, places };
         let mut rows = vec![Row {
             shape: "stress_free".into(),
             frame: "reference pose",
@@ -301,6 +343,14 @@ impl Body {
     /// Where the numbers of the spread come from, line after line.
     pub fn sources(&self) -> Vec<String> {
         spread::sources(self)
+    }
+}
+
+/// The breast that tissue belongs to.
+fn side(tissue: Tissue) -> Side {
+    match tissue {
+        Tissue::AdiposeLeft | Tissue::FibroglandularLeft => Side::Left,
+        _ => Side::Right,
     }
 }
 

@@ -3,12 +3,18 @@
 use super::Body;
 use mammotwin_data::{Vec3, labels::Side};
 use mammotwin_stages::{
-    place::Shape, pose::PoseFit, register::Registered, results::DRAWS, stiffer::raised,
+    place::{Places, Shape},
+    pose::PoseFit,
+    register::Registered,
+    results::DRAWS,
+    stiffer::raised,
 };
 use serde::Serialize;
 
 /// Registrations are off by so many of their standard deviations on digital volunteers: two to six.
 const REGISTRATION: f64 = 4.0;
+/// Markers this near (mm) to a place in the pose that they come from may be the place itself.
+const SAME_MM: f64 = 10.0;
 /// A distance to a surface is one of three components of an error.
 const DIRECTIONS: f64 = 3.0;
 
@@ -17,8 +23,11 @@ const DIRECTIONS: f64 = 3.0;
 pub struct Spread {
     /// What the moduli leave open; absent when it was not asked for or nothing was fitted.
     pub moduli_mm: Option<f64>,
-    /// What simulated skin is off in this pose and in that of the question.
+    /// What the model is off in this pose and that of the question: by the distances of the skin or, if that is
+    /// more, by the markers.
     pub model_mm: f64,
+    /// What other markers of this breast are off that were carried the same way; absent without such.
+    pub markers_mm: Option<f64>,
     /// What both registrations are off.
     pub registration_mm: f64,
     /// How far outside of the tissue the point was.
@@ -32,7 +41,18 @@ pub(super) struct Errors<'a> {
     pub body: &'a Body,
     pub from: &'a Shape,
     pub side: Side,
-    pub outside_mm: f64,
+    pub places: &'a Places,
+}
+
+/// A landmark of the skin, carried from one pose to another that has it, too.
+pub(super) struct Marker {
+    pub from: String,
+    pub to: String,
+    pub side: Side,
+    /// Where it is in the pose that it comes from (mm, frame of the reference pose).
+    pub at: Vec3,
+    /// How far (mm) it lands from where it is.
+    pub off_mm: f64,
 }
 
 impl Errors<'_> {
@@ -40,18 +60,41 @@ impl Errors<'_> {
     pub fn of(&self, to: &Shape, place: &Vec3, stiffer: Option<Vec3>) -> Spread {
         if to == self.from {
             // It is given there.
-            let outside_mm = self.outside_mm;
+            let outside_mm = self.places.outside_mm;
             return Spread { outside_mm, total_mm: outside_mm, ..Spread::default() };
         }
         let moduli_mm = stiffer.and_then(|moved| self.moduli_mm((moved - place).norm()));
-        let model = skin_mm(self.body, self.from).hypot(skin_mm(self.body, to));
-        let model_mm = DIRECTIONS.sqrt() * model;
+        let skin = |shape: &Shape| skin_mm(self.body, shape, self.side);
+        let markers_mm = self.markers_mm(to);
+        let model_mm = (DIRECTIONS.sqrt() * skin(self.from).hypot(skin(to)))
+            .max(markers_mm.unwrap_or_default());
         let registration_mm = registration_mm(self.body, self.from, place)
             .hypot(registration_mm(self.body, to, place));
-        let outside_mm = self.outside_mm;
+        let outside_mm = self.places.outside_mm;
         let parts = [moduli_mm.unwrap_or_default(), model_mm, registration_mm, outside_mm];
         let total_mm = parts.iter().map(|part| part * part).sum::<f64>().sqrt();
-        Spread { moduli_mm, model_mm, registration_mm, outside_mm, total_mm }
+        Spread { moduli_mm, model_mm, markers_mm, registration_mm, outside_mm, total_mm }
+    }
+
+    /// Root mean square error (mm) of the markers of this breast that are carried from the pose of the question to
+    /// this one, without those that may be the place itself; from and to a compressed breast, of all pairs of poses.
+    fn markers_mm(&self, to: &Shape) -> Option<f64> {
+        let is = |shape: &Shape, name: &str| match shape {
+            Shape::Pose(pose) => pose == name,
+            Shape::Pressed => true,
+            Shape::Free => false,
+        };
+        let other = |marker: &&Marker| {
+            let here = self.places.poses.get(&marker.from);
+            here.is_none_or(|here| (here - marker.at).norm() > SAME_MM)
+        };
+        let alike = self.body.markers.iter().filter(|marker| {
+            marker.side == self.side && is(self.from, &marker.from) && is(to, &marker.to)
+        });
+        let squares: Vec<f64> =
+            alike.filter(other).map(|marker| marker.off_mm * marker.off_mm).collect();
+        let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+        (!squares.is_empty()).then(|| mean.sqrt())
     }
 
     /// Standard deviation (mm) over the draws of the moduli, of what one deviation moves by `moved_mm`; `None`
@@ -73,15 +116,21 @@ impl Errors<'_> {
     }
 }
 
-/// Root mean square distance (mm) of the simulated from the measured skin of a pose.
-fn rms_mm(fit: &PoseFit) -> f64 {
-    let squares = fit.signed_mm.iter().map(|mm| mm * mm).sum::<f64>();
-    (squares / fit.signed_mm.len().max(1) as f64).sqrt()
+/// Root mean square distance (mm) of the simulated from the measured skin of one breast in a pose.
+fn rms_mm(body: &Body, fit: &PoseFit, side: Side) -> f64 {
+    let here = |node: &u32| {
+        let nearest = body.mesh.anatomy.nearest(&body.mesh.mesh.points[*node as usize]);
+        nearest.is_some_and(|(base, _)| base.side == side)
+    };
+    let own = fit.active.iter().zip(&fit.signed_mm).filter(|(node, _)| here(node));
+    let squares: Vec<f64> = own.map(|(_, mm)| mm * mm).collect();
+    (squares.iter().sum::<f64>() / squares.len().max(1) as f64).sqrt()
 }
 
 /// What the skin is off in a shape (mm): measured in poses; nothing is measured of the stress-free shape; a
 /// compressed breast is taken for as wrong as the worst held-out pose or, without one, the worst pose.
-fn skin_mm(body: &Body, shape: &Shape) -> f64 {
+fn skin_mm(body: &Body, shape: &Shape, side: Side) -> f64 {
+    let rms_mm = |fit: &PoseFit| rms_mm(body, fit, side);
     match shape {
         Shape::Free => 0.0,
         Shape::Pose(name) => body.fits.get(name).map_or(0.0, rms_mm),
@@ -132,13 +181,21 @@ pub(super) fn sources(body: &Body) -> Vec<String> {
     });
     let of = |(name, fit): (&String, &PoseFit)| {
         let held = if body.held_out.contains(name) { ", held out" } else { "" };
-        format!("{name} {:.2} mm{held}", rms_mm(fit))
+        let [right, left] = [Side::Right, Side::Left].map(|side| rms_mm(body, fit, side));
+        format!("{name} right {right:.2}, left {left:.2} mm{held}")
     };
     said.push(format!(
         "model: distance of the simulated from the measured skin, root mean square ({}); times √3, since a distance \
          knows one direction of three and no sliding along the skin",
         body.fits.iter().map(of).collect::<Vec<_>>().join("; ")
     ));
+    said.push(match body.markers.len() {
+        0 => "markers: no landmark of the skin is in two poses; sliding along the skin is not in these numbers".into(),
+        count => format!(
+            "markers: landmarks of the skin in two poses, {count} ways; where those of this breast, the place itself left out, are \
+             farther off than the skin, they count"
+        ),
+    });
     if body.compression.is_some() {
         let worst = match body.held_out.is_empty() {
             true => "pose; none was held out, so that this is too small",
