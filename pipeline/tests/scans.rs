@@ -24,7 +24,7 @@ fn mammotwin(arguments: &[&str]) -> String {
 
 /// Modified Hausdorff distances (mm) of the tilted pose, before and after the fit.
 fn tilted(folder: &Path) -> [f64; 2] {
-    let results = hdf5::Reader::open(&folder.join("out/results.h5")).unwrap();
+    let results = hdf5::Reader::open(folder.join("out/results.h5")).unwrap();
     ["before", "after"].map(|when| {
         let name = format!("poses/tilted/{when}/modified_hausdorff_mm");
         results.scalar::<f64>(&name).unwrap()
@@ -33,7 +33,7 @@ fn tilted(folder: &Path) -> [f64; 2] {
 
 /// From the frame of the tilted pose to the reference pose.
 fn motion(folder: &Path) -> RigidTransform {
-    let results = hdf5::Reader::open(&folder.join("out/results.h5")).unwrap();
+    let results = hdf5::Reader::open(folder.join("out/results.h5")).unwrap();
     let rows: Vec<Vec3> = results.get("poses/tilted/to_reference/rotation").unwrap();
     let shift: Vec<f64> = results.get("poses/tilted/to_reference/translation_mm").unwrap();
     RigidTransform {
