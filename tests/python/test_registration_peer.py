@@ -153,8 +153,9 @@ def test_motions_are_as_accurate_as_those_of_simpleitk_at_half_the_time(voluntee
                 error = error_mm(motion_, truth, points)
                 others.setdefault((metric, share), []).append((error, spent))
                 print(f"    SimpleITK, {metric}, {share:.0%} of the points: {error:.3f} mm, {spent:.1f} s")
-        assert found[pose] < 0.2
+        assert found[pose] < 0.1
     for (metric, share), told in others.items():
-        assert all(found[pose] <= error for pose, (error, _) in zip(POSES, told, strict=True)), (metric, share)
-        if share == 1:
-            assert 2 * seconds["align"] <= sum(spent for _, spent in told), metric
+        for pose, (error, _) in zip(POSES, told, strict=True):
+            # Below a tenth of a voxel either counts as exact.
+            assert found[pose] <= max(error, 0.1 * float(VOXEL_MM)), (metric, share, pose)
+        assert 2 * seconds["align"] <= sum(spent for _, spent in told), (metric, share)
