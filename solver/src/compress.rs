@@ -351,7 +351,7 @@ pub fn compress(
     };
     let (newton, state) = solve::prepare(&model, start, at(closing.thickness_mm))?;
     for (plate, &index) in [&receptor, &paddle].into_iter().zip(&indices) {
-        apart(plate, &state.at(index), closing.step_mm).map_err(refuse)?;
+        apart(plate, &state.at(index)).map_err(refuse)?;
     }
     let mut press = Press {
         model,
@@ -438,14 +438,16 @@ pub fn compress(
 }
 
 /// # Errors
-/// A plate that lies deeper in the skin than a step.
-fn apart(plate: &Plate, at: &At, step_mm: f64) -> Result<(), ModelError> {
+/// A plate in which skin lies beyond the middle between the plates. Less is no fault: a curved paddle begins
+/// beside the breast's middle a few millimetres in it.
+fn apart(plate: &Plate, at: &At) -> Result<(), ModelError> {
     let check = plate.contact(at).unwrap_or_default();
-    if check.penetration_mm <= step_mm {
+    let (depth_mm, thickness_mm) = (check.penetration_mm, at.load.thickness_mm);
+    if depth_mm <= 0.5 * thickness_mm {
         return Ok(());
     }
-    let (node, depth_mm) = (plate.nodes(check.worst_open)[0], check.penetration_mm);
-    Err(ModelError::Overlap { term: plate.name().into(), node, depth_mm, step_mm })
+    let node = plate.nodes(check.worst_open)[0];
+    Err(ModelError::Overlap { term: plate.name().into(), node, depth_mm, thickness_mm })
 }
 
 /// Largest motion (mm) of a node between two states.

@@ -99,8 +99,8 @@ pub enum ModelError {
     },
     /// A plate that begins inside of the body.
     #[error(
-        "{term}: begins {depth_mm:.1} mm inside of the skin (node {node}), deeper than one step of {step_mm} mm; begin \
-         with the plates farther apart"
+        "{term}: begins {depth_mm:.1} mm inside of the skin (node {node}), more than half of the {thickness_mm} mm between \
+         the plates; begin with them farther apart"
     )]
     Overlap {
         /// Name of the plate.
@@ -109,8 +109,8 @@ pub enum ModelError {
         node: u32,
         /// How deep (mm).
         depth_mm: f64,
-        /// Largest change of the thickness between states (mm).
-        step_mm: f64,
+        /// Distance of the plates (mm).
+        thickness_mm: f64,
     },
     /// Two terms of one name.
     #[error("two terms are named {0}; give each its own name")]
