@@ -196,6 +196,7 @@ fn the_published_fixed_point_finds_small_stretches_and_fails_beyond_two() {
 
 /// Verifies: stress-free shape, damped fixed point and inverse motion | known truth | round trip 0.05 mm
 #[test]
+#[ignore = "twenty seconds: sixteen equilibria of the fixed point"]
 fn the_damped_fixed_point_and_the_inverse_motion_return_to_the_shape_where_the_published_one_fails()
 {
     for method in [Method::FixedPoint, Method::Inverse] {

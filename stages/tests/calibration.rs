@@ -183,18 +183,17 @@ fn quadratic_elements_find_the_moduli() {
     assert!(unloaded < supine + 0.3 && unloaded < 0.2 * nothing, "{unloaded} {supine} {nothing}");
 }
 
-/// A prone body of another person, and postures that are called by the wrong name.
+/// Postures that are called by the wrong name are refused before anything is fitted.
 #[test]
-fn poses_that_cannot_be_of_one_body_under_these_forces_are_told() {
+fn breasts_that_moved_against_their_stated_gravity_are_refused() {
     let mut volunteer = Volunteer::new(3, Elements::Linear);
-    let truth = volunteer.motion.clone();
-    let refused = |volunteer: &Volunteer| match volunteer.calibrate(&BOTH) {
+    let prone = volunteer.motion.gravity;
+    // Prone called supine: nothing would have moved.
+    volunteer.motion.gravity = PoseName::Supine.gravity();
+    let why = match volunteer.calibrate(&BOTH) {
         Err(Failure::BadInput(why)) => why,
         other => panic!("{:?}", other.map(|found| found.trials)),
     };
-    // Prone called supine: nothing would have moved.
-    volunteer.motion.gravity = PoseName::Supine.gravity();
-    let why = refused(&volunteer);
     println!("{why}");
     assert!(
         why.starts_with(
@@ -206,28 +205,30 @@ fn poses_that_cannot_be_of_one_body_under_these_forces_are_told() {
     let stage = Calibrate {
         model: volunteer.model.clone(),
         plan: volunteer.plan.clone(),
-        gravity: truth.gravity,
+        gravity: prone,
         reference: "supine".into(),
         poses: vec!["prone".into()],
     };
-    let poses = (vec![volunteer.motion.clone()], vec![volunteer.prone.clone()]);
-    let input = (volunteer.mesh.clone(), volunteer.supine.clone(), poses.0, poses.1);
+    let poses = (vec![volunteer.motion], vec![volunteer.prone]);
+    let input = (volunteer.mesh, volunteer.supine, poses.0, poses.1);
     let why = stage.run(&input, &Silent).err().unwrap().to_string();
     println!("{why}");
     assert!(why.contains("against the change of gravity from supine that is stated"), "{why}");
+}
 
-    // Another person's prone breasts: the fit says that they are none of hers.
-    volunteer.motion = truth;
+/// Another person's prone breasts: the fit says that they are none of hers.
+#[test]
+#[ignore = "a minute: two fits"]
+fn poses_that_are_not_of_one_person_are_told() {
+    let mut volunteer = Volunteer::new(3, Elements::Linear);
     let own = volunteer.calibrate(&BOTH).unwrap();
-    let other = Volunteer::new(OTHER, Elements::Linear);
-    volunteer.prone = other.prone;
+    volunteer.prone = Volunteer::new(OTHER, Elements::Linear).prone;
     let found = volunteer.calibrate(&BOTH).unwrap();
     let lacks = [&own, &found].map(|found| found.lack_of_fit().unwrap());
     println!("lack of fit: own {:.2}, of another {:.2}", lacks[0], lacks[1]);
     assert!(lacks[0] < 1.5 && own.contradiction().is_none(), "{lacks:?}");
     assert!(lacks[1] > 3.0 && found.contradiction().is_some(), "{lacks:?}");
-
-    // A pose that is held out is refused as well.
+    // A held-out pose whose gravity is wrong is refused as one that is fitted is.
     let mut wrong = volunteer.motion.clone();
     wrong.gravity = PoseName::Supine.gravity();
     let stage = Validate { model: volunteer.model.clone(), pose: "prone".into() };
