@@ -225,6 +225,8 @@ fn answer(
                 "scores": found.screening.scores,
                 "candidates": verdict.candidates,
                 "not_testable": verdict.not_testable,
+                "second": verdict.second,
+                "moduli_by_pose": found.drift,
                 "budget": found.budget,
                 "added": added.map(|a| json!({
                     "study": a.study,
