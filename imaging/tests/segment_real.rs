@@ -156,6 +156,7 @@ fn images_with_fat_suppression_are_refused() {
 /// Skin and chest wall of the labels; and of every image what is brighter than air, as rough as it comes.
 /// Without mending triangles of it do pass through each other, as those of one skin do.
 #[test]
+#[ignore = "minutes: four chests, each with and without mending"]
 fn no_surface_of_a_real_chest_passes_through_itself() {
     let mut before = 0;
     for name in [

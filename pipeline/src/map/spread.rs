@@ -11,8 +11,6 @@ use mammotwin_stages::{
 };
 use serde::Serialize;
 
-/// Registrations are off by so many of their standard deviations on digital volunteers: two to six.
-const REGISTRATION: f64 = 4.0;
 /// Markers this near (mm) to a place in the pose that they come from may be the place itself.
 const SAME_MM: f64 = 10.0;
 /// A distance to a surface is one of three components of an error.
@@ -149,7 +147,7 @@ fn skin_mm(body: &Body, shape: &Shape, side: Side) -> f64 {
 /// in its frame.
 fn registration_mm(body: &Body, shape: &Shape, place: &Vec3) -> f64 {
     let Shape::Pose(name) = shape else { return 0.0 };
-    body.registered.get(name).map_or(0.0, |motion| REGISTRATION * motion_mm(motion, place))
+    body.registered.get(name).map_or(0.0, |motion| motion_mm(motion, place))
 }
 
 /// One standard deviation of a motion at a place (mm), root mean square length.
@@ -206,9 +204,7 @@ pub(super) fn sources(body: &Body) -> Vec<String> {
              between MRI and mammogram are 5 to 40 mm"
         ));
     }
-    said.push(format!(
-        "registration: its own standard deviation times {REGISTRATION}, since on digital volunteers it is off by two to six"
-    ));
+    said.push("registration: its own standard deviation, of both poses".into());
     said.push(
         "stress_free: nothing is measured of it; only the pose of the question counts".into(),
     );
