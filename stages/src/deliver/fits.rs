@@ -233,7 +233,7 @@ mod tests {
         assert_eq!(calibration(1.2).contradiction(), None, "as much as chest walls explain");
         assert_eq!(calibration(1.2).lack_of_fit(), Some(1.0));
         let told = calibration(6.0).contradiction().unwrap();
-        assert!(told.contains("6.0 mm (rms) are left, 5 times"), "{told}");
+        assert!(told.contains("6.0 mm (rms) are left, 5.0 times"), "{told}");
         let mut given = calibration(6.0);
         given.trials.truncate(1);
         assert_eq!(given.contradiction(), None, "nothing was fitted: the moduli may be wrong");
