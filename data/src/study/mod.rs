@@ -142,6 +142,14 @@ impl Posture {
     }
 }
 
+/// Unit vector of gravity: a vector that is given goes before a name.
+fn falling(posture: Option<Posture>, given: Option<[f64; 3]>) -> Option<Vec3> {
+    match (posture, given) {
+        (_, Some(v)) => Vec3::from(v).try_normalize(1e-9),
+        (posture, None) => posture.map(Posture::gravity),
+    }
+}
+
 /// Whether a pose calibrates or proves.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -181,11 +189,7 @@ pub struct Pose {
 impl Pose {
     /// Unit vector of gravity in the image's RAS frame; `None` when the study gives neither key.
     pub fn gravity(&self) -> Option<Vec3> {
-        match (self.posture, self.gravity_in_image) {
-            (_, Some(v)) => Vec3::from(v).try_normalize(1e-9),
-            (Some(posture), None) => Some(posture.gravity()),
-            (None, None) => None,
-        }
+        falling(self.posture, self.gravity_in_image)
     }
 }
 

@@ -1,6 +1,6 @@
 //! A pose that was measured as a surface: no image, the skin alone.
 
-use super::{Posture, Use};
+use super::{Posture, Use, falling};
 use crate::Vec3;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -56,10 +56,6 @@ pub struct Scan {
 impl Scan {
     /// Unit vector of gravity in the frame of the scan; `None` when the study gives neither key.
     pub fn gravity(&self) -> Option<Vec3> {
-        match (self.posture, self.gravity_in_scan) {
-            (_, Some(v)) => Vec3::from(v).try_normalize(1e-9),
-            (Some(posture), None) => Some(posture.gravity()),
-            (None, None) => None,
-        }
+        falling(self.posture, self.gravity_in_scan)
     }
 }
