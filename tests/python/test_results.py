@@ -122,7 +122,7 @@ def test_states(file):
 def test_units_are_those_of_udunits(file):
     """ASCII powers, no blank, forces in N: what xarray with pint or cf-units reads."""
     found = {dataset.attrs["units"] for dataset in datasets(file).values()} | set(texts(file["metrics/unit"]))
-    known = {"mm", "mm2", "cm2", "1/mm2", "N", "kPa", "deg", "mGy", "mGy/mGy", "keV", "1", "text", "see unit"}
+    known = {"mm", "mm2", "cm2", "cm3", "1/mm2", "N", "kPa", "deg", "mGy", "mGy/mGy", "keV", "1", "text", "see unit"}
     assert found <= known, found - known
 
 
