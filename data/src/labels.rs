@@ -56,6 +56,15 @@ impl Tissue {
         self as u8
     }
 
+    /// The breast that fat and gland are named after; `None` of all else.
+    pub fn side(self) -> Option<Side> {
+        match self {
+            Self::AdiposeRight | Self::FibroglandularRight => Some(Side::Right),
+            Self::AdiposeLeft | Self::FibroglandularLeft => Some(Side::Left),
+            _ => None,
+        }
+    }
+
     /// Whether it belongs to the deformable breasts (skin and nipple included).
     pub fn is_breast(self) -> bool {
         use Tissue::*;
@@ -139,6 +148,14 @@ impl Side {
         match self {
             Self::Right => 1.0,
             Self::Left => -1.0,
+        }
+    }
+
+    /// The other one.
+    pub fn other(self) -> Self {
+        match self {
+            Self::Right => Self::Left,
+            Self::Left => Self::Right,
         }
     }
 

@@ -66,3 +66,13 @@ impl TriMesh {
         (Self { points, triangles }, old)
     }
 }
+
+/// Barycentric coordinates of a point of a triangle, of one beside it those of a point inside; thirds where the
+/// triangle has no area.
+pub fn barycentric([a, b, c]: [Vec3; 3], p: &Vec3) -> [f64; 3] {
+    let normal = (b - a).cross(&(c - a));
+    let part = |x: Vec3, y: Vec3| (x - p).cross(&(y - p)).dot(&normal);
+    let parts = [part(b, c), part(c, a), part(a, b)].map(|part| part.max(0.0));
+    let sum: f64 = parts.iter().sum();
+    if sum > 0.0 { parts.map(|part| part / sum) } else { [1.0 / 3.0; 3] }
+}

@@ -30,34 +30,30 @@ fn gravity(bench: &mut Criterion) {
     });
 }
 
-fn compression(bench: &mut Criterion) {
-    let body = coarse();
-    let squeeze = Squeeze {
+/// A rigid paddle, in steps of so many millimetres.
+fn to_50_mm(step_mm: f64) -> Squeeze {
+    Squeeze {
         law: Law::neo_hookean_coupled(0.5, 0.49).unwrap(),
         radius_mm: 10.0,
         paddle: Paddle::Rigid,
         outline: Outline::ENDLESS,
         middle_mm: 0.0,
         friction: 0.0,
-        step_mm: 5.0,
+        step_mm,
         stops: Stops::at_thickness(50.0),
-    };
+    }
+}
+
+fn compression(bench: &mut Criterion) {
+    let body = coarse();
+    let squeeze = to_50_mm(5.0);
     bench.bench_function("compression/5k", |b| b.iter(|| squeeze.press(&body)));
 }
 
 /// 20 points of a curve of force and thickness.
 fn curve(bench: &mut Criterion) {
     let body = fine();
-    let squeeze = Squeeze {
-        law: Law::neo_hookean_coupled(0.5, 0.49).unwrap(),
-        radius_mm: 10.0,
-        paddle: Paddle::Rigid,
-        outline: Outline::ENDLESS,
-        middle_mm: 0.0,
-        friction: 0.0,
-        step_mm: (132.0 - 50.0) / 19.0,
-        stops: Stops::at_thickness(50.0),
-    };
+    let squeeze = to_50_mm((132.0 - 50.0) / 19.0);
     bench.bench_function("curve of 20 points/20k", |b| b.iter(|| squeeze.press(&body)));
 }
 

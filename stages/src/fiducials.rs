@@ -17,14 +17,14 @@ use mammotwin_data::{
     mesh::Patch,
     progress::Progress,
     store::{Artifact, Stage},
-    surface::TriMesh,
+    surface::{TriMesh, barycentric},
 };
 use mammotwin_solver::distance::{DistanceError, SurfaceIndex};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Landmarks whose names start so stick to a breast. Those of the chest wall serve the registration.
-pub const ON_BREAST: [&str; 2] = ["breast_", "nipple_"];
+const ON_BREAST: [&str; 2] = ["breast_", "nipple_"];
 /// A marker farther than this (mm) from the model's skin in the reference pose does not stick to it: it lies beside the
 /// model, or in another image. The thickest capsules stand 5 mm off.
 const OFF_SKIN_MM: f64 = 10.0;
@@ -136,6 +136,11 @@ impl Fiducials {
     }
 }
 
+/// Whether the name of a landmark says that it sticks to a breast.
+pub fn on_breast(name: &str) -> bool {
+    ON_BREAST.iter().any(|prefix| name.starts_with(prefix))
+}
+
 /// Markers of both poses (mm, each in its own image) whose names say that they stick to a breast.
 pub fn pairs(reference: &Landmarks, pose: &Landmarks) -> Vec<(String, Vec3, Vec3)> {
     ON_BREAST.iter().flat_map(|prefix| reference.pairs(pose, prefix)).collect()
@@ -173,7 +178,7 @@ impl<'a> Anchors<'a> {
             let at = corners.map(|n| points[n as usize]);
             let frame = frame(&at)?;
             let off = frame.transpose() * (marker - found.point);
-            let weights = weights(&at, &found.point);
+            let weights = barycentric(at, &found.point);
             (found.distance_mm <= OFF_SKIN_MM).then_some(Anchor { corners, weights, off })
         };
         let anchors = found.iter().zip(markers).map(one).collect();
@@ -207,15 +212,6 @@ fn frame([a, b, c]: &[Vec3; 3]) -> Option<Mat3> {
     let along = (b - a).try_normalize(0.0)?;
     let normal = (b - a).cross(&(c - a)).try_normalize(0.0)?;
     Some(Mat3::from_columns(&[along, normal.cross(&along), normal]))
-}
-
-/// Barycentric coordinates of a point of a triangle.
-fn weights([a, b, c]: &[Vec3; 3], p: &Vec3) -> [f64; 3] {
-    let area = (b - a).cross(&(c - a));
-    let part =
-        |from: &Vec3, to: &Vec3| (from - p).cross(&(to - p)).dot(&area) / area.norm_squared();
-    let (u, v) = (part(b, c), part(c, a));
-    [u, v, 1.0 - u - v]
 }
 
 impl Artifact for Fiducials {

@@ -10,7 +10,7 @@ use crate::{
 use mammotwin_data::{
     Failure, Vec3,
     io::hdf5,
-    labels::{LabelMap, Tissue},
+    labels::{LabelMap, Side},
     progress::Progress,
     store::{Artifact, Stage},
     volume::Volume,
@@ -94,7 +94,7 @@ impl Artifact for PosePictures {
 fn center(labels: &LabelMap) -> Vec3 {
     let (mut sum, mut count) = (Vec3::zeros(), 0.0);
     for (index, tissue) in labels.values.iter().enumerate() {
-        if matches!(tissue, Tissue::AdiposeRight | Tissue::FibroglandularRight) {
+        if tissue.side() == Some(Side::Right) {
             sum += labels.grid.center(labels.grid.voxel(index));
             count += 1.0;
         }

@@ -4,8 +4,13 @@
 
 use crate::{calibrate::Fit, compress::Compression};
 use mammotwin_data::{
-    Failure, Vec3, io::hdf5, labels::Tissue, mesh::TetMesh, rigid::RigidTransform, store::Artifact,
-    surface::TriMesh,
+    Failure, Vec3,
+    io::hdf5,
+    labels::Side,
+    mesh::TetMesh,
+    rigid::RigidTransform,
+    store::Artifact,
+    surface::{TriMesh, barycentric},
 };
 use mammotwin_solver::{
     distance::SurfaceIndex,
@@ -116,8 +121,8 @@ pub enum Shape {
 /// Where a point of tissue is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Places {
-    /// The tissue.
-    pub tissue: Tissue,
+    /// The breast that the tissue belongs to.
+    pub side: Side,
     /// How far (mm) the point that was asked for lies outside of the tissue; its surface was taken.
     pub outside_mm: f64,
     /// Free of stress (mm), in the frame of the reference pose.
@@ -177,12 +182,7 @@ impl Finder {
         let face = self.faces[closest.triangle];
         let holds = |tet: &[u32; 4]| face.iter().all(|n| tet.contains(n));
         let tet = self.tets.iter().position(holds)?;
-        let [a, b, c] = face.map(|n| self.points[n as usize]);
-        let whole = (b - a).cross(&(c - a));
-        let part = |u: &Vec3, v: &Vec3| {
-            (u - closest.point).cross(&(v - closest.point)).dot(&whole) / whole.norm_squared()
-        };
-        let of_face = [part(&b, &c), part(&c, &a), part(&a, &b)];
+        let of_face = barycentric(face.map(|n| self.points[n as usize]), &closest.point);
         let weight =
             |n: &u32| face.iter().position(|corner| corner == n).map_or(0.0, |k| of_face[k]);
         let weights = self.tets[tet].each_ref().map(weight);
@@ -277,7 +277,7 @@ impl Carrier<'_> {
             let at = |nodes: &Vec<Vec3>| location.interpolate(&self.mesh.tets, nodes);
             let poses = self.shapes.poses.iter().map(|(name, nodes)| (name.clone(), at(nodes)));
             Ok(Places {
-                tissue: self.mesh.tissues[location.tet as usize],
+                side: self.mesh.tissues[location.tet as usize].side().unwrap_or(Side::Right),
                 outside_mm,
                 rest: at(&self.shapes.rest),
                 poses: poses.collect(),
@@ -291,7 +291,7 @@ impl Carrier<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mammotwin_data::{labels::Side, mesh::Patch};
+    use mammotwin_data::{labels::Tissue, mesh::Patch};
     use mammotwin_solver::mesh::crop::crop;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;

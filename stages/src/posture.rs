@@ -46,7 +46,7 @@ pub fn refuse_wrong(
         None
     };
     match why {
-        Some(why) => Err(Failure::BadInput(format!("poses.{pose}: {why}; {mend}"))),
+        Some(why) => Err(Failure::BadInput(format!("{pose}: {why}; {mend}"))),
         None => Ok(()),
     }
 }

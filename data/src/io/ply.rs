@@ -5,7 +5,7 @@ use ply_rs_bw::{
     parser::Parser,
     ply::{DefaultElement, Ply, Property},
 };
-use std::{fs::File, io::BufReader, path::Path};
+use std::{io::BufReader, path::Path};
 
 /// Larger files are no scan of a person (bytes).
 const MOST_BYTES: u64 = 1 << 30;
@@ -18,14 +18,8 @@ const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
 /// [`Failure::Io`]; [`Failure::BadInput`] when the file is no PLY file, is cut off, holds no face, a face with a corner
 /// that is not there, or a coordinate that is not finite.
 pub fn read(path: &Path) -> Result<TriMesh, Failure> {
-    let io = |error: std::io::Error| Failure::io(path, error);
     let content = |what: String| Failure::BadInput(format!("{}: {what}", path.display()));
-    let file = File::open(path).map_err(io)?;
-    let bytes = file.metadata().map_err(io)?.len();
-    if bytes > MOST_BYTES {
-        let what = format!("is larger than {MOST_BYTES} bytes; export it with coarser facets");
-        return Err(content(what));
-    }
+    let file = super::open_up_to(path, MOST_BYTES, "export it with coarser facets")?;
     let file: Ply<DefaultElement> = Parser::new()
         .read_ply(&mut BufReader::new(file))
         .map_err(|cause| content(format!("no PLY file, or cut off: {cause}; export it anew")))?;

@@ -18,14 +18,8 @@ const MOST_BYTES: u64 = 256 << 20;
 /// # Errors
 /// [`Failure::Io`]; [`Failure::BadInput`] when the file is no STL file, is cut off, holds no triangle or a number that is not finite.
 pub fn read(path: &Path) -> Result<TriMesh, Failure> {
-    let io = |error: std::io::Error| Failure::io(path, error);
     let content = |what: String| Failure::BadInput(format!("{}: {what}", path.display()));
-    let file = File::open(path).map_err(io)?;
-    let bytes = file.metadata().map_err(io)?.len();
-    if bytes > MOST_BYTES {
-        let what = format!("is larger than {MOST_BYTES} bytes; export it with coarser facets");
-        return Err(content(what));
-    }
+    let file = super::open_up_to(path, MOST_BYTES, "export it with coarser facets")?;
     let mesh = stl_io::read_stl(&mut BufReader::new(file))
         .map_err(|cause| content(format!("no STL file, or cut off: {cause}; export it anew")))?;
     if mesh.faces.is_empty() {

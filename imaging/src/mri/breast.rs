@@ -10,12 +10,7 @@ use mammotwin_data::{
 /// The breast that each voxel belongs to. Labels of fat and gland say it; skin, nipple and areola
 /// belong to the breast that they lie on, by the shortest way through them. `None` for all else.
 pub fn sides(labels: &LabelMap) -> Vec<Option<Side>> {
-    let of = |tissue: &Tissue| match tissue {
-        Tissue::AdiposeRight | Tissue::FibroglandularRight => Some(Side::Right),
-        Tissue::AdiposeLeft | Tissue::FibroglandularLeft => Some(Side::Left),
-        _ => None,
-    };
-    let mut side: Vec<Option<Side>> = labels.values.iter().map(of).collect();
+    let mut side: Vec<Option<Side>> = labels.values.iter().map(|tissue| tissue.side()).collect();
     let mut border: Vec<usize> = (0..side.len()).filter(|&n| side[n].is_some()).collect();
     while !border.is_empty() {
         let mut next = Vec::new();

@@ -87,7 +87,7 @@ pub struct BenchmarkArguments {
     pub effects: Vec<String>,
     /// Ask for these effects only [default: all of `mammotwin effects`]; what is hidden is among them
     #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
-    pub library: Vec<String>,
+    pub asked: Vec<String>,
     /// Severities (standard deviations), in the order in which they are tried
     #[arg(long, value_name = "SIGMA", value_delimiter = ',', default_value = "5,10,2")]
     pub sigmas: Vec<f64>,

@@ -150,7 +150,7 @@ fn foretell_other(
     record: &[Measured],
     (posterior, error): (&Posterior, &RecordError),
 ) -> Result<Other, Failure> {
-    let side = opposite(plan.side);
+    let side = plan.side.other();
     let own = opened.study.records.get(&side);
     let own = own.map(|r| Measured { thickness_mm: r.thickness_mm, force_n: r.force_n });
     let to: Vec<Measured> = record.iter().copied().chain(own).collect();
@@ -182,13 +182,6 @@ fn foretell_other(
     let chart = lines(&foretold_chart(side.name(), &foretold, own));
     let files = vec![("foretold.csv", foretold_table(&foretold)), ("foretold.svg", chart)];
     Ok(Other { files, said: vec![said], computed: tried.computed })
-}
-
-fn opposite(side: Side) -> Side {
-    match side {
-        Side::Right => Side::Left,
-        Side::Left => Side::Right,
-    }
 }
 
 /// A study whose breast, skin and fascia stiffen alike under gravity, all its poses being fitted.
@@ -275,7 +268,7 @@ fn of_study(study: &Study, side: Side) -> Result<Measured, Failure> {
 
 /// How the record of the other breast is foretold, if there is one.
 fn other(study: &Study, plan: &CompressPlan) -> Option<String> {
-    let side = opposite(plan.side);
+    let side = plan.side.other();
     let record = study.records.get(&side)?;
     Some(format!(
         "The {} breast took no part; its record is {} N at {} mm. Foretell it: --other.",

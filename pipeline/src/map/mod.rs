@@ -8,7 +8,6 @@ use crate::graph::{self, Fitted, Outcome};
 use mammotwin_data::{
     Failure, Vec3,
     io::landmarks,
-    labels::{Side, Tissue},
     rigid::RigidTransform,
     store::{Run, Stored},
     study::{MammogramPlan, Study, Use},
@@ -18,6 +17,7 @@ use mammotwin_imaging::xray::{calibration::Unit, geometry::Geometry};
 use mammotwin_stages::{
     calibrate::Calibration,
     compress::Compression,
+    fiducials::on_breast,
     mesh::BreastMesh,
     place::{Carrier, Places, Shape, Shapes, Unplaced},
     pose::PoseFit,
@@ -173,8 +173,7 @@ impl Body {
             let Some(path) = &pose.landmarks else { continue };
             let motion = self.to_reference(name);
             let read = landmarks::read(&base.join(path))?.0.into_iter();
-            let of_skin = |name: &str| name.starts_with("breast_") || name.starts_with("nipple_");
-            let own = read.filter(|(mark, _)| of_skin(mark)).map(|(m, p)| (m, motion.point(&p)));
+            let own = read.filter(|(mark, _)| on_breast(mark)).map(|(m, p)| (m, motion.point(&p)));
             marks.insert(name, own.collect());
         }
         let mut found = Vec::new();
@@ -191,7 +190,7 @@ impl Body {
                     found.push(spread::Marker {
                         from: (*from).to_owned(),
                         to: (*to).to_owned(),
-                        side: side(places.tissue),
+                        side: places.side,
                         at: *at,
                         off_mm: (place - there).norm(),
                     });
@@ -264,7 +263,7 @@ impl Body {
     }
 
     fn rows(&self, from: &Shape, places: &Places, stiffer: Option<&Places>) -> Mapped {
-        let side = side(places.tissue);
+        let side = places.side;
         let errors = spread::Errors { body: self, from, side, places };
         let mut rows = vec![Row {
             shape: "stress_free".into(),
@@ -343,14 +342,6 @@ impl Body {
     /// Where the numbers of the spread come from, line after line.
     pub fn sources(&self) -> Vec<String> {
         spread::sources(self)
-    }
-}
-
-/// The breast that tissue belongs to.
-fn side(tissue: Tissue) -> Side {
-    match tissue {
-        Tissue::AdiposeLeft | Tissue::FibroglandularLeft => Side::Left,
-        _ => Side::Right,
     }
 }
 

@@ -1,7 +1,11 @@
 //! Residuals of simulated poses at material points of the skin.
 
 use crate::{calibrate::Fit, mesh::BreastMesh, model::BreastBase, pose::PoseFit, shape::Shape};
-use mammotwin_data::{Failure, Vec3, mesh::Patch, surface::TriMesh};
+use mammotwin_data::{
+    Failure, Vec3,
+    mesh::Patch,
+    surface::{TriMesh, barycentric},
+};
 use mammotwin_solver::distance::SurfaceIndex;
 use nalgebra::{DMatrix, DVector};
 use std::collections::{BTreeMap, BTreeSet};
@@ -94,15 +98,6 @@ pub(super) fn carried(
 
 /// Weight of compared corners with which a residual is interpolated.
 const LEAST_KNOWN: f64 = 0.3;
-
-/// Barycentric coordinates of a point of a triangle.
-fn barycentric([a, b, c]: [Vec3; 3], p: &Vec3) -> [f64; 3] {
-    let normal = (b - a).cross(&(c - a));
-    let part = |x: Vec3, y: Vec3| (x - p).cross(&(y - p)).dot(&normal);
-    let parts = [part(b, c), part(c, a), part(a, b)].map(|part| part.max(0.0));
-    let sum: f64 = parts.iter().sum();
-    if sum > 0.0 { parts.map(|part| part / sum) } else { [1.0 / 3.0; 3] }
-}
 
 /// Rows of some poses among those of all, of `nodes` each.
 pub(super) fn rows(poses: &[usize], nodes: usize) -> Vec<usize> {

@@ -1,12 +1,11 @@
 //! A second effect: what explains what the first one leaves?
 
 use super::{
-    budget::Whitener,
     evidence::Evidence,
     refit::Fitted,
-    rest::Rest,
     screen::Screening,
     signature::{Projector, Signature},
+    verdict::Judge,
 };
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
@@ -33,31 +32,22 @@ impl Second {
     }
 }
 
-/// The seen poses of a subject, and how they are weighed.
-pub(super) struct Seen<'a> {
-    pub evidence: &'a Evidence,
-    pub whitener: &'a Whitener,
-    pub rest: &'a Rest,
-    /// The rows of the seen poses among those of all.
-    pub of: &'a dyn Fn(&DVector<f64>) -> DVector<f64>,
-}
-
-impl Seen<'_> {
+impl Judge<'_> {
     /// The effect that explains most of what the fit of another one leaves; `None` where chance explains it. `first` is
     /// the place of that one in the evidence, `alike` are effects that these data do not tell from it.
-    pub fn second(&self, first: usize, found: &Fitted, alike: &[String]) -> Option<Second> {
+    pub(super) fn second(&self, first: usize, found: &Fitted, alike: &[String]) -> Option<Second> {
         let Evidence { signatures, budget, .. } = self.evidence;
-        let mut fitted: Vec<DVector<f64>> =
-            self.evidence.slopes().into_iter().map(|slope| (self.of)(slope)).collect();
-        fitted.push((self.of)(&signatures[first].rate(found.amplitude)));
+        let seen = |all: &DVector<f64>| self.seen(all);
+        let mut fitted: Vec<DVector<f64>> = self.evidence.slopes().into_iter().map(seen).collect();
+        fitted.push(seen(&signatures[first].rate(found.amplitude)));
         let others: Vec<Signature> = (0..)
             .zip(signatures)
             .filter(|(k, s)| *k != first && !alike.iter().any(|name| name == s.effect.name))
-            .map(|(_, signature)| signature.of(self.of))
+            .map(|(_, signature)| signature.of(seen))
             .collect();
         let systematic = budget.systematic();
-        let mut residual = (self.of)(&found.residual);
-        let projector = Projector::new(self.whitener, &fitted);
+        let mut residual = seen(&found.residual);
+        let projector = Projector::new(&self.whitener, &fitted);
         let screening = Screening::new(&projector, &residual, &others, systematic);
         let best = *screening.ranked().first()?;
         let amplitude = best.amplitude.filter(|_| best.z > screening.limit)?;
@@ -69,7 +59,7 @@ impl Seen<'_> {
             z: best.z,
             limit: screening.limit,
             amplitude,
-            left: self.rest.of(self.whitener, &fitted, &residual, systematic),
+            left: self.rest.of(&self.whitener, &fitted, &residual, systematic),
         })
     }
 }

@@ -10,7 +10,7 @@ use super::{
     refit::{Fitted, linear},
     rest::Rest,
     screen::Screening,
-    second::{Second, Seen},
+    second::Second,
     signature::{Projector, Signature},
 };
 use crate::effects::Effect;
@@ -103,7 +103,7 @@ pub(crate) const FITTED: usize = 3;
 
 /// Weighs the evidence of a subject, with one pose held out.
 pub struct Judge<'a> {
-    evidence: &'a Evidence,
+    pub(super) evidence: &'a Evidence,
     /// Poses that the search sees.
     pub(super) seen: Vec<usize>,
     held_out: usize,
@@ -111,7 +111,7 @@ pub struct Judge<'a> {
     /// Of the seen poses.
     pub(super) whitener: Whitener,
     weights: Weights,
-    rest: Rest,
+    pub(super) rest: Rest,
 }
 
 impl<'a> Judge<'a> {
@@ -198,7 +198,7 @@ impl<'a> Judge<'a> {
     }
 
     /// The seen part of a column of all poses.
-    fn seen(&self, all: &DVector<f64>) -> DVector<f64> {
+    pub(super) fn seen(&self, all: &DVector<f64>) -> DVector<f64> {
         part(all, &self.seen, self.evidence.nodes())
     }
 
@@ -239,7 +239,7 @@ impl<'a> Judge<'a> {
             weight: 0.0,
             reason: String::new(),
             not_testable: not_testable.map(|s| s.effect.clone()).collect(),
-            second: self.second(screening, &candidates, with),
+            second: self.beside_the_best(screening, &candidates, with),
             candidates,
         };
         self.decide(&mut verdict, screening, &without.residual);
@@ -391,7 +391,7 @@ impl<'a> Judge<'a> {
     }
 
     /// The second effect, beside the best candidate.
-    fn second(
+    fn beside_the_best(
         &self,
         screening: &Screening,
         candidates: &[Candidate],
@@ -400,13 +400,7 @@ impl<'a> Judge<'a> {
         let name = &candidates.first()?.effect;
         let of_best = |(k, _): &&(usize, Fitted)| self.evidence.signatures[*k].effect.name == name;
         let (place, found) = with.iter().find(of_best)?;
-        let seen = Seen {
-            evidence: self.evidence,
-            whitener: &self.whitener,
-            rest: &self.rest,
-            of: &|all| self.seen(all),
-        };
-        seen.second(*place, found, &screening.alike(name))
+        self.second(*place, found, &screening.alike(name))
     }
 
     fn candidate(&self, place: usize, found: &Fitted, without: &Fitted) -> Candidate {

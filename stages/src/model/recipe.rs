@@ -118,13 +118,9 @@ impl Recipe {
             constants: plan.breast.constants,
             poisson: plan.breast.poisson,
         });
-        let side = |tissue: &Tissue| match tissue {
-            Tissue::AdiposeRight | Tissue::FibroglandularRight => Side::Right,
-            _ => Side::Left,
-        };
         let tissue = |tissue: &Tissue| TissuePlan {
             law: breast.name,
-            young_kpa: moduli.of_side(side(tissue)),
+            young_kpa: moduli.of_side(tissue.side().unwrap_or(Side::Left)),
             poisson: breast.poisson,
             jm: breast.jm,
             constants: breast.constants,

@@ -43,7 +43,7 @@ pub struct Case {
     /// How she is measured.
     pub kind: Kind,
     /// The effects that are asked for.
-    pub library: Vec<&'static Effect>,
+    pub asked: Vec<&'static Effect>,
     /// Edges of her voxels (mm); `None` for the preset's.
     pub voxel_mm: Option<[f64; 3]>,
     /// Edges of the elements of the truth (mm); `None` for the preset's.
@@ -102,7 +102,7 @@ impl Case {
         let display = Display::new();
         let drive = Drive { store, base, options: &options, listener: &display };
         let pass = store::execute(&drive, |run| {
-            graph::discover(study, HELD_OUT.name(), &self.library, run)
+            graph::discover(study, HELD_OUT.name(), &self.asked, run)
         })?;
         pick(pass.outcome).load()
     }

@@ -48,7 +48,7 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
             "give at least one of --seeds, and --draws of 1 or more".into(),
         ));
     }
-    let (hidden, asked) = (library(&arguments.effects)?, library(&arguments.library)?);
+    let (hidden, asked) = (library(&arguments.effects)?, library(&arguments.asked)?);
     let wanted = |effect: &Effect| hidden.iter().any(|hidden| hidden.name == effect.name);
     Preset::named(&arguments.preset)?;
     let (voxel_mm, truth_mm) = (voxels(&arguments.voxel_mm)?, truth_edge(arguments.truth_mm)?);
@@ -66,7 +66,7 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
             hidden,
             sigma,
             kind,
-            library: asked.clone(),
+            asked: asked.clone(),
             voxel_mm,
             truth_mm,
         };

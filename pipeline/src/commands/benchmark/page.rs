@@ -58,7 +58,7 @@ pub fn markdown(results: &Results, arguments: &BenchmarkArguments) -> String {
         true => String::new(),
         false => format!(" --{option} {}", effects.join(",")),
     };
-    let effects = named("effects", &arguments.effects) + &named("library", &arguments.library);
+    let effects = named("effects", &arguments.effects) + &named("asked", &arguments.asked);
     let _ = writeln!(
         text,
         "# What `discover` finds of what was hidden\n\n\
