@@ -196,9 +196,7 @@ fn breasts_that_moved_against_their_stated_gravity_are_refused() {
     };
     println!("{why}");
     assert!(
-        why.starts_with(
-            "poses.prone: gravity is stated to be that of supine, but the skin changed by"
-        ),
+        why.starts_with("prone: gravity is stated to be that of supine, but the skin changed by"),
         "{why}"
     );
     // Each called the other.
