@@ -2,10 +2,11 @@
 
 use super::StudyArguments;
 use clap::{ArgGroup, Args};
+use std::path::PathBuf;
 
 /// A place of tissue.
 #[derive(Debug, Clone, Args)]
-#[command(group(ArgGroup::new("what").required(true).args(["point", "landmark", "pixel"])))]
+#[command(group(ArgGroup::new("what").required(true).args(["point", "points", "landmark", "pixel"])))]
 pub struct MapArguments {
     /// The study
     #[command(flatten)]
@@ -19,6 +20,9 @@ pub struct MapArguments {
     /// Landmark of the pose by its name
     #[arg(long, value_name = "NAME")]
     pub landmark: Option<String>,
+    /// Places of a file, as landmark files are (`name,x,y,z` in mm): those outside of the breasts are named and left out
+    #[arg(long, value_name = "FILE")]
+    pub points: Option<PathBuf>,
     /// Pixel of the mammogram, column and row from 0, as in its TIFF: the line to the focal spot is followed
     #[arg(long, value_name = "COLUMN,ROW", allow_hyphen_values = true)]
     pub pixel: Option<String>,
@@ -42,4 +46,5 @@ breasts, one standard deviation of the fitted moduli, and keeps it; --quick leav
 Examples:
   mammotwin map study.toml --from prone --point -62.5,88,-14
   mammotwin map study.toml --from supine --landmark breast_right_1 --json
+  mammotwin map study.toml --from prone --points lesions.csv
   mammotwin map study.toml --from mammogram --pixel 1204,655 --step-mm 2";

@@ -1,6 +1,6 @@
 //! `mammotwin map`: a place of tissue in all poses, between the plates and on the mammogram.
 
-use super::{open, run::plan};
+use super::{Opened, open, run::plan};
 use crate::{
     cli::MapArguments,
     display::Display,
@@ -11,7 +11,6 @@ use mammotwin_data::{
     io::landmarks,
     store::{self, Drive, Options},
 };
-use mammotwin_stages::place::Unplaced;
 use serde_json::json;
 
 /// Prints where a place is.
@@ -25,33 +24,13 @@ pub fn map(arguments: &MapArguments) -> Result<(), Failure> {
     let outcome = plan(&opened, &options)?.outcome;
     let mut body = Body::load(&opened.study, &opened.base, &command, &outcome)?;
     let from = body.shape(&arguments.from)?;
-    let is_pose = opened.study.poses.get(&arguments.from);
-    let is_picture = arguments.from == "mammogram";
-    let points = match (&arguments.point, &arguments.landmark, &arguments.pixel) {
-        (Some(text), _, _) if !is_picture => vec![Vec3::from(numbers("--point", text)?)],
-        (_, Some(name), _) if is_pose.is_some() => {
-            let path = is_pose.and_then(|pose| pose.landmarks.as_ref()).ok_or_else(|| {
-                Failure::BadInput(format!("--landmark: poses.{} has none", arguments.from))
-            })?;
-            let marks = landmarks::read(&opened.base.join(path))?;
-            let point = marks.0.get(name).ok_or_else(|| {
-                let known = marks.0.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
-                Failure::Usage(format!("--landmark {name}: no such one; there are: {known}"))
-            })?;
-            vec![*point]
-        }
-        (_, _, Some(text)) if is_picture => {
-            body.line(numbers("--pixel", text)?, arguments.step_mm)?
-        }
-        _ => {
-            let text = "give --point or --landmark with a pose, --point with compressed, --pixel with mammogram";
-            return Err(Failure::Usage(text.into()));
-        }
-    };
+    let asked = asked(arguments, &opened, &body)?;
+    let points: Vec<Vec3> = asked.iter().map(|(_, point)| *point).collect();
     // Whether the point is in the breast at all is known at once; the spread may take minutes.
     let found = body.map(&from, &points);
-    if let [Err(error)] = &found[..] {
-        return Err(refused(arguments, error));
+    if let ([Err(error)], [(name, _)]) = (&found[..], &asked[..]) {
+        let name = name.as_deref().unwrap_or("the point");
+        return Err(Failure::BadInput(format!("{name} of {}: {error}", arguments.from)));
     }
     let precision = outcome.calibration.load()?.precision;
     let found = if arguments.quick || precision.right.or(precision.left).is_none() {
@@ -68,26 +47,75 @@ pub fn map(arguments: &MapArguments) -> Result<(), Failure> {
         body.stiffer = Some(pass.outcome.load()?);
         body.map(&from, &points)
     };
-    let found: Vec<(Vec3, Mapped)> =
-        points.into_iter().zip(found).filter_map(|(p, found)| Some((p, found.ok()?))).collect();
+    let (mut placed, mut unplaced) = (Vec::new(), Vec::new());
+    for ((name, given), found) in asked.into_iter().zip(found) {
+        match (found, name) {
+            (Ok(mapped), name) => placed.push((name, given, mapped)),
+            (Err(error), Some(name)) => unplaced.push((name, error.to_string())),
+            // A point of a line that leaves the breast.
+            (Err(_), None) => {}
+        }
+    }
     if arguments.json {
-        let places: Vec<_> = found
-            .iter()
-            .map(|(given, mapped)| json!({ "given_mm": given, "places": mapped }))
-            .collect();
-        let answer = json!({ "from": arguments.from, "reference": body.reference, "points": places, "sources": body.sources() });
+        let places = placed.iter().map(
+            |(name, given, mapped)| json!({ "name": name, "given_mm": given, "places": mapped }),
+        );
+        let unplaced = unplaced.iter().map(|(name, why)| json!({ "name": name, "why": why }));
+        let answer = json!({
+            "from": arguments.from,
+            "reference": body.reference,
+            "points": places.collect::<Vec<_>>(),
+            "unplaced": unplaced.collect::<Vec<_>>(),
+            "sources": body.sources(),
+        });
         tell!("{answer:#}");
     } else {
-        found.iter().for_each(|(given, mapped)| print(arguments, given, mapped));
+        for (name, given, mapped) in &placed {
+            print(&arguments.from, name.as_deref(), given, mapped);
+        }
+        unplaced.iter().for_each(|(name, why)| tell!("{name}: {why}"));
         body.sources().iter().for_each(|source| tell!("{source}"));
     }
     Ok(())
 }
 
-fn refused(arguments: &MapArguments, error: &Unplaced) -> Failure {
-    let what = arguments.landmark.as_ref().or(arguments.point.as_ref());
-    let what = what.map_or("the point", String::as_str);
-    Failure::BadInput(format!("{what} of {}: {error}", arguments.from))
+/// The places that are asked for: with their names, but for those of a line.
+fn asked(
+    arguments: &MapArguments,
+    opened: &Opened,
+    body: &Body,
+) -> Result<Vec<(Option<String>, Vec3)>, Failure> {
+    let is_picture = arguments.from == "mammogram";
+    if let Some(file) = arguments.points.as_ref().filter(|_| !is_picture) {
+        let marks = landmarks::read(file)?.0.into_iter();
+        return Ok(marks.map(|(name, point)| (Some(name), point)).collect());
+    }
+    let pose = opened.study.poses.get(&arguments.from);
+    match (&arguments.point, &arguments.landmark, &arguments.pixel) {
+        (Some(text), _, _) if !is_picture => {
+            Ok(vec![(Some(text.clone()), Vec3::from(numbers("--point", text)?))])
+        }
+        (_, Some(name), _) if pose.is_some() => {
+            let path = pose.and_then(|pose| pose.landmarks.as_ref()).ok_or_else(|| {
+                Failure::BadInput(format!("--landmark: poses.{} has none", arguments.from))
+            })?;
+            let marks = landmarks::read(&opened.base.join(path))?;
+            let point = marks.0.get(name).ok_or_else(|| {
+                let known = marks.0.keys().map(String::as_str).collect::<Vec<_>>().join(", ");
+                Failure::Usage(format!("--landmark {name}: no such one; there are: {known}"))
+            })?;
+            Ok(vec![(Some(name.clone()), *point)])
+        }
+        (_, _, Some(text)) if is_picture => {
+            let line = body.line(numbers("--pixel", text)?, arguments.step_mm)?;
+            Ok(line.into_iter().map(|point| (None, point)).collect())
+        }
+        _ => {
+            let text = "give --point, --points or --landmark with a pose, --point or --points with \
+                        compressed, --pixel with mammogram";
+            Err(Failure::Usage(text.into()))
+        }
+    }
 }
 
 /// So many numbers between commas.
@@ -99,7 +127,7 @@ fn numbers<const N: usize>(option: &str, text: &str) -> Result<[f64; N], Failure
     })
 }
 
-fn print(arguments: &MapArguments, given: &Vec3, mapped: &Mapped) {
+fn print(from: &str, name: Option<&str>, given: &Vec3, mapped: &Mapped) {
     let Mapped { side, outside_mm, rows, mammogram } = mapped;
     let near = if *outside_mm > 0.0 {
         format!(", {outside_mm:.1} mm outside of the tissue: its surface is taken")
@@ -107,11 +135,11 @@ fn print(arguments: &MapArguments, given: &Vec3, mapped: &Mapped) {
         String::new()
     };
     tell!(
-        "({:.1}, {:.1}, {:.1}) mm of {}: {side} breast{near}",
+        "{}({:.1}, {:.1}, {:.1}) mm of {from}: {side} breast{near}",
+        name.map_or_else(String::new, |name| format!("{name}: ")),
         given.x,
         given.y,
         given.z,
-        arguments.from
     );
     tell!(
         "{:14}{:>10}{:>10}{:>10}  {:>8}{:>8}{:>8}{:>14}  frame",

@@ -102,6 +102,8 @@ pub struct Written {
 const POINTING_MM: f64 = 0.3;
 /// Distance of lattice points on which deformations are kept (mm).
 const LATTICE_MM: f64 = 2.5;
+/// Air (mm) between a breast and the lateral borders of an image.
+const SIDE_MM: f64 = 12.0;
 /// Value that the images give to fat at full sensitivity.
 const FAT: f64 = 800.0;
 /// Signal to noise ratio of fat at full sensitivity.
@@ -152,9 +154,8 @@ pub fn synthesize(settings: &Settings, progress: &dyn Progress) -> Result<Writte
         let to_image = |x: &Vec3| motion.to_image(&torso, &shapes.forward(x));
         let exact: Landmarks =
             Landmarks(marks.0.iter().map(|(name, x)| (name.clone(), to_image(x))).collect());
-        let to_image = |x: &Vec3| motion.to_image(&torso, x).y;
-        let front = deformed.points.iter().map(to_image).fold(f64::MIN, f64::max);
-        let grid = field_of_view(&torso.person, settings.voxel_mm, front);
+        let skin: Vec<Vec3> = deformed.points.iter().map(|x| motion.to_image(&torso, x)).collect();
+        let grid = field_of_view(&torso.person, settings.voxel_mm, &skin);
         let corners = [grid.center([0; 3]), grid.center(grid.shape.map(|n| n - 1))];
         let body = PosedBody::new(&torso, &motion, &shapes, corners, LATTICE_MM);
         let scan = protocol(&grid, pose, settings.seed);
@@ -177,15 +178,19 @@ pub fn synthesize(settings: &Settings, progress: &dyn Progress) -> Result<Writte
     Ok(Written { study, truth: truth_dir })
 }
 
-/// The grid of an image in which the body reaches to y = `front` (mm).
-fn field_of_view(person: &Preset, voxel_mm: Option<[f64; 3]>, front: f64) -> Grid {
+/// The grid of an image that holds `body` (mm): as the preset has it, ended before the table and widened to the sides
+/// as an operator does whose scout shows a breast that hangs out.
+fn field_of_view(person: &Preset, voxel_mm: Option<[f64; 3]>, body: &[Vec3]) -> Grid {
     let image = &person.image;
     let voxel = voxel_mm.unwrap_or(image.voxel_mm);
-    let mut high = image.high_mm;
-    high[1] = high[1].min(front + image.front_mm);
-    let shape =
-        [0, 1, 2].map(|axis| ((high[axis] - image.low_mm[axis]) / voxel[axis]).ceil() as usize + 1);
-    Grid::aligned(shape, voxel, image.low_mm.into())
+    let least = body.iter().map(|p| p.x).fold(f64::MAX, f64::min);
+    let most = body.iter().fold(Vec3::repeat(f64::MIN), |most, p| most.sup(p));
+    let (mut low, mut high) = (image.low_mm, image.high_mm);
+    low[0] = low[0].min(least - SIDE_MM);
+    high[0] = high[0].max(most.x + SIDE_MM);
+    high[1] = high[1].min(most.y + image.front_mm);
+    let shape = [0, 1, 2].map(|axis| ((high[axis] - low[axis]) / voxel[axis]).ceil() as usize + 1);
+    Grid::aligned(shape, voxel, low.into())
 }
 
 /// How a pose is scanned: a two-sided breast coil under the prone body, a flexible array on the

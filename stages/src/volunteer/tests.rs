@@ -50,6 +50,22 @@ fn breasts_have_the_size_and_gland_of_their_preset() {
     assert!((0.15..0.25).contains(&gland), "gland {gland}");
 }
 
+/// A breast that hangs out of the preset's field of view widens it on that side alone.
+#[test]
+fn an_image_holds_all_of_the_breasts() {
+    let person = Preset::named("large").unwrap();
+    let [low, high] = [person.image.low_mm, person.image.high_mm];
+    let inside = [Vec3::new(low[0] + 20.0, 0.0, 0.0), Vec3::new(high[0] - 20.0, 50.0, 0.0)];
+    let usual = field_of_view(&person, Some([1.0; 3]), &inside);
+    assert_eq!(usual.center([0; 3]).x, low[0]);
+    let hangs = Vec3::new(low[0] - 10.0, 20.0, 0.0);
+    let wide = field_of_view(&person, Some([1.0; 3]), &[&inside[..], &[hangs]].concat());
+    assert_eq!(wide.center([0; 3]).x, hangs.x - SIDE_MM);
+    assert_eq!(wide.shape[1..], usual.shape[1..]);
+    let right = |grid: &Grid| grid.center([grid.shape[0] - 1, 0, 0]).x;
+    assert!((right(&wide) - right(&usual)).abs() < 1.0);
+}
+
 #[test]
 fn skin_is_as_thick_as_measured() {
     let torso = nominal("small");
