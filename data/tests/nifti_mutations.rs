@@ -1,4 +1,4 @@
-//! Two thousand damaged files: each is read or refused, without panic and without much memory.
+//! Two thousand damaged files, of both byte orders: each is read or refused, without panic, at once and without much memory.
 
 #![allow(clippy::unwrap_used)] // a test may fail at once
 
@@ -7,7 +7,11 @@ use mammotwin_data::{
     io::nifti::{self, NiftiError, Version, VoxelType},
     volume::{Grid, Volume},
 };
-use std::{io::Write, path::Path};
+use std::{
+    io::Write,
+    path::Path,
+    time::{Duration, Instant},
+};
 
 /// Splitmix64 (Steele 2014).
 struct Random(u64);
@@ -35,7 +39,27 @@ fn sound(folder: &Path) -> Vec<Vec<u8>> {
             files.push(std::fs::read(&path).unwrap());
         }
     }
+    let other = big_endian(files[0].clone());
+    let of = |bytes: &[u8]| {
+        std::fs::write(&path, bytes).unwrap();
+        nifti::read(&path).unwrap()
+    };
+    assert_eq!(of(&other), of(&files[0]), "the other byte order");
+    files.push(other);
     files
+}
+
+/// The same NIfTI-1 file of 16-bit voxels in the other byte order (field sizes of `nifti1.h`).
+fn big_endian(mut bytes: Vec<u8>) -> Vec<u8> {
+    const WORDS: [std::ops::Range<usize>; 6] = [0..4, 32..36, 56..68, 76..120, 124..148, 256..328];
+    const HALVES: [std::ops::Range<usize>; 5] = [36..38, 40..56, 68..76, 120..122, 252..256];
+    for (ranges, size) in [(&WORDS[..], 4), (&HALVES[..], 2)] {
+        for range in ranges {
+            bytes[range.clone()].chunks_exact_mut(size).for_each(<[u8]>::reverse);
+        }
+    }
+    bytes[352..].chunks_exact_mut(2).for_each(<[u8]>::reverse);
+    bytes
 }
 
 fn gzip(bytes: &[u8]) -> Vec<u8> {
@@ -92,7 +116,7 @@ fn damaged_files_are_read_or_refused_in_one_line() {
     let path = folder.path().join("damaged.nii");
     let before = peak_kb();
     let mut random = Random(7);
-    let (mut read, mut refused) = (0, 0);
+    let (mut read, mut refused, mut slowest) = (0, 0, Duration::ZERO);
     for n in 0..2000 {
         let mut bytes = files[n % files.len()].clone();
         // A third plain, a third damaged and then compressed, a third compressed and then damaged.
@@ -104,8 +128,10 @@ fn damaged_files_are_read_or_refused_in_one_line() {
             bytes = gzip(&bytes);
         }
         std::fs::write(&path, &bytes).unwrap();
+        let clock = Instant::now();
         assert_eq!(nifti::inspect(&path).is_ok(), nifti::read(&path).is_ok());
         let _ = nifti::read_labels(&path);
+        slowest = slowest.max(clock.elapsed());
         match nifti::read(&path) {
             Ok(image) => {
                 read += 1;
@@ -120,7 +146,8 @@ fn damaged_files_are_read_or_refused_in_one_line() {
             Err(error) => panic!("{error}"),
         }
     }
-    println!("{read} read, {refused} refused");
+    println!("{read} read, {refused} refused, the slowest in {slowest:?}");
+    assert!(slowest < Duration::from_secs(5), "{slowest:?}");
     assert!(read > 100 && refused > 1000);
     if let (Some(before), Some(after)) = (before, peak_kb()) {
         println!("{} kB more", after - before);

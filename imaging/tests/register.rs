@@ -246,6 +246,9 @@ fn check_drawn(numbers: std::ops::Range<u64>, spacing: [f64; 3]) {
             quantile(&values, 1.0)
         );
     }
+    let medians = [0, 2]
+        .map(|which| quantile(&all.iter().map(|error| error[which]).collect::<Vec<_>>(), 0.5));
+    assert!(medians[0] <= 0.2 && medians[1] <= 0.1, "{medians:?}");
     let converged = all.iter().filter(|e| e[1] < 0.5 && e[2] < 0.3).count();
     println!("{converged} of {} converged", all.len());
     assert_eq!(converged, all.len());

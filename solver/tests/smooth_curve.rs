@@ -1,6 +1,6 @@
 //! Whether the force grows smoothly with the compression: contact comes node by node, and leaps would make slopes useless.
 //!
-//! Slopes dF/dh of successive states, 2 mm apart, are compared with the parabola through the slopes around each of
+//! Slopes dF/dh of successive states, 2 mm apart (1 mm on the fine breast), are compared with the parabola through the slopes around each of
 //! them (three on both sides). The jitter is the root mean square of what is left over the mean slope there.
 
 #![allow(clippy::unwrap_used)] // a test may fail at once

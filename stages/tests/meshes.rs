@@ -50,19 +50,27 @@ fn random_mesh(n: u64) -> (String, Result<Summary, Failure>) {
 fn check_random(numbers: impl Iterator<Item = u64>) {
     let mut failed = Vec::new();
     let (mut worst, mut share) = (Summary::default(), 0.0f64);
+    worst.min_scaled_jacobian = f64::MAX;
     for n in numbers {
         let (name, mesh) = random_mesh(n);
         match mesh {
             Ok(s) => {
                 println!(
-                    "{name}: {} tetrahedra, skewness {:.3}, {} over 0.75, aspect ratio {:.2}, {:.1} degrees",
-                    s.tets, s.max_skewness, s.over_075, s.max_aspect_ratio, s.max_angle_deg
+                    "{name}: {} tetrahedra, skewness {:.3}, {} over 0.75, aspect ratio {:.2}, {:.1} degrees, \
+                     scaled Jacobian {:.2}",
+                    s.tets,
+                    s.max_skewness,
+                    s.over_075,
+                    s.max_aspect_ratio,
+                    s.max_angle_deg,
+                    s.min_scaled_jacobian
                 );
                 worst.over_095 += s.over_095;
                 worst.tets += s.tets;
                 worst.max_skewness = worst.max_skewness.max(s.max_skewness);
                 worst.max_aspect_ratio = worst.max_aspect_ratio.max(s.max_aspect_ratio);
                 worst.max_angle_deg = worst.max_angle_deg.max(s.max_angle_deg);
+                worst.min_scaled_jacobian = worst.min_scaled_jacobian.min(s.min_scaled_jacobian);
                 share = share.max(s.over_075 as f64 / s.tets as f64);
             }
             Err(cause) => failed.push(format!("{name}: {cause}")),
@@ -72,6 +80,8 @@ fn check_random(numbers: impl Iterator<Item = u64>) {
     assert!(failed.is_empty(), "{failed:#?}");
     assert!(worst.tets > 0 && worst.over_095 == 0 && share < 1e-3);
     assert!(worst.max_aspect_ratio < 20.0 && worst.max_angle_deg < 165.0);
+    // No corner is nearly flat.
+    assert!(worst.min_scaled_jacobian > 0.2, "{}", worst.min_scaled_jacobian);
 }
 
 #[test]

@@ -134,15 +134,15 @@ fn found(volunteer: &Volunteer) -> Vec<Found> {
     let still = RigidTransform::identity();
     let of_pose = |name: &str| {
         let (moving, start) = (volunteer.pose(name), volunteer.marked(name));
-        let rigid = volunteer.rigid(&moving.0, &start);
+        let as_rigid = volunteer.rigid(&moving.0, &start);
         let found = volunteer.register(name, moving, start);
         let over_stated = volunteer.over_stated(&found, name);
         let (image, wall) = (found.image.unwrap(), found.wall.unwrap());
         let [error, rigid] =
-            [found.transform, rigid.transform].map(|t| volunteer.error(&t, name, &still));
+            [found.transform, as_rigid.transform].map(|t| volunteer.error(&t, name, &still));
         println!(
             "{} {name}: {:.2} mm, {:.2} degrees (as rigid {:.2}, {:.2}); change {:.2} mm, found {:.2}; \
-             stated {:.2} mm, errors over stated {over_stated:.1?}; similarity {:.3}; wall: {:.2} mm in the mean, \
+             stated {:.2} mm, errors over stated {over_stated:.1?}; similarity {:.4} (as rigid {:.4}); wall: {:.2} mm in the mean, \
              95 % within {:.2}, all within {:.2} mm",
             volunteer.name,
             error[0],
@@ -153,6 +153,7 @@ fn found(volunteer: &Volunteer) -> Vec<Found> {
             image.change_rms_mm.unwrap(),
             Vec3::from(image.uncertainty.translation_mm).norm(),
             image.similarity_after,
+            as_rigid.similarity_after,
             wall.mean_mm,
             wall.p95_mm,
             wall.max_mm,
