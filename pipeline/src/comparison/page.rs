@@ -22,7 +22,7 @@ const SENSOR_PIXELS: usize = 12;
 const BAR_MM: f64 = 50.0;
 
 /// Metrics of the table, with their headings.
-const SHOWN: [(&str, &str); 26] = [
+const SHOWN: [(&str, &str); 28] = [
     ("thickness_mm", "thickness (mm)"),
     ("nominal_thickness_mm", "nominal thickness (mm)"),
     ("deflection_mm", "deflection (mm)"),
@@ -33,7 +33,9 @@ const SHOWN: [(&str, &str); 26] = [
     ("edge_area_cm2", "contact area, other edges (cm²)"),
     ("mean_pressure_kpa", "mean pressure (kPa)"),
     ("pressure_p95_kpa", "pressure, 95 % of area (kPa)"),
-    ("face_peak_pressure_kpa", "largest pressure, faces (kPa)"),
+    ("paddle_peak_pressure_kpa", "largest pressure, paddle's face (kPa)"),
+    ("paddle_pressure_p95_kpa", "pressure, 95 % of paddle's face (kPa)"),
+    ("face_peak_pressure_kpa", "largest pressure, faces of both plates (kPa)"),
     ("front_peak_pressure_kpa", "largest pressure, fronts (kPa)"),
     ("edge_peak_pressure_kpa", "largest pressure, other edges (kPa)"),
     ("juxtathoracic_share", "juxtathoracic share of force"),
@@ -180,15 +182,19 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
     };
     let of = |f: &Found| f.compression.curve.force_n.clone();
     add("force.svg", course("Force against thickness", "force (N)", &of));
-    let of = |f: &Found| f.compression.curve.peak_pressure_kpa.clone();
-    add("peak_pressure.svg", course("Largest pressure against thickness", "pressure (kPa)", &of));
+    let of = |f: &Found| f.compression.curve.paddle_peak_pressure_kpa.clone();
+    add(
+        "peak_pressure.svg",
+        course("Largest pressure of the paddle's face against thickness", "pressure (kPa)", &of),
+    );
     let by_force = |(way, f): &(&Way, &Found)| {
         let curve = &f.compression.curve;
         let along = curve.force_n.iter().copied();
-        let points = along.zip(curve.peak_pressure_kpa.iter().copied()).collect();
+        let points = along.zip(curve.paddle_peak_pressure_kpa.iter().copied()).collect();
         Line { name: way.label.clone(), points }
     };
-    let (title, pressure) = ("Largest pressure at the same force", "pressure (kPa)");
+    let (title, pressure) =
+        ("Largest pressure of the paddle's face at the same force", "pressure (kPa)");
     let all_ways = drawn.iter().map(by_force).collect();
     add("peak_by_force.svg", chart(title, "force (N)", pressure, all_ways, Axis::Rising));
     let of = |f: &Found| f.compression.curve.mean_pressure_kpa.clone();
@@ -211,8 +217,8 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
             ("force_by_distance.svg", "force_n", "Force at the end", "force (N)"),
             (
                 "pressure_by_distance.svg",
-                "face_peak_pressure_kpa",
-                "Largest pressure on the faces at the end",
+                "paddle_peak_pressure_kpa",
+                "Largest pressure of the paddle's face at the end",
                 "pressure (kPa)",
             ),
         ] {

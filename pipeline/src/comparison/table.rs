@@ -65,7 +65,8 @@ pub fn summary(ways: &[Way], mesh_mm: f64) -> String {
 pub fn curves(ways: &[Way]) -> String {
     let mut text = String::from(
         "way,thickness_mm,force_n,receptor_force_n,tilt_deg,roll_deg,deflection_mm,bulge_mm,\
-         moved_mm,contact_area_mm2,front_area_mm2,edge_area_mm2,mean_pressure_kpa,peak_pressure_kpa\n",
+         moved_mm,contact_area_mm2,front_area_mm2,edge_area_mm2,mean_pressure_kpa,peak_pressure_kpa,\
+         paddle_peak_pressure_kpa\n",
     );
     for way in ways {
         let Ok(found) = &way.found else { continue };
@@ -73,7 +74,7 @@ pub fn curves(ways: &[Way]) -> String {
         for n in 0..c.thickness_mm.len() {
             let _ = writeln!(
                 text,
-                "{},{:.3},{:.6},{:.6},{:.4},{:.4},{:.4},{:.4},{:.4},{:.2},{:.2},{:.2},{:.6},{:.6}",
+                "{},{:.3},{:.6},{:.6},{:.4},{:.4},{:.4},{:.4},{:.4},{:.2},{:.2},{:.2},{:.6},{:.6},{:.6}",
                 way.label,
                 c.thickness_mm[n],
                 c.force_n[n],
@@ -87,7 +88,8 @@ pub fn curves(ways: &[Way]) -> String {
                 c.front_area_mm2[n],
                 c.edge_area_mm2[n],
                 c.mean_pressure_kpa[n],
-                c.peak_pressure_kpa[n]
+                c.peak_pressure_kpa[n],
+                c.paddle_peak_pressure_kpa[n]
             );
         }
     }

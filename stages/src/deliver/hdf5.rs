@@ -204,6 +204,12 @@ fn force_thickness(compression: &Compression) -> Curve {
                 "Largest contact pressure",
                 &curve.peak_pressure_kpa,
             ),
+            column(
+                "paddle_peak_pressure_kpa",
+                "kPa",
+                "Largest contact pressure on the paddle's face",
+                &curve.paddle_peak_pressure_kpa,
+            ),
         ],
     }
 }
