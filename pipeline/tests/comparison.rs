@@ -78,6 +78,19 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
     assert!(table.values().all(|row| row["mesh_mm"] == "15" && row["law"] == "gent"));
     assert!(page.contains("137.21") && page.contains("Effect size") && !page.contains("src=\"/"));
 
+    // Forms are compared with what is published, forces that are not reached are not.
+    let trends = fs::read_to_string(place.join("trends.csv")).unwrap();
+    assert!(page.contains("Published compressions") && page.contains("are not comparable"));
+    for way in ["rigid", "elastic", "curved"] {
+        let of = |what: &str| {
+            let start = format!("{way},\"{what}");
+            trends.lines().find(|line| line.starts_with(&start)).unwrap_or_default().to_owned()
+        };
+        assert!(of("h/h₀ at 100 N").contains("not reached"), "{trends}");
+        assert!(!of("fall of thickness").is_empty(), "{trends}");
+    }
+    assert!(trends.contains("elastic,\"share of the force on the breast: flexible over rigid"));
+
     // All is there: the same files.
     let before = fs::read(place.join("paddles.csv")).unwrap();
     let said = printed(&paddles);

@@ -1,6 +1,6 @@
 //! Comparisons as one page that needs no other file.
 
-use super::{Difference, Found, ThesisStudy, Way, differences, shift_to_wall};
+use super::{Agreement, Difference, Found, ThesisStudy, Way, differences, shift_to_wall, trends};
 use crate::page::{FIGURES_AND_TABLES, begin, number, table};
 use mammotwin_data::{mesh::Patch, surface::TriMesh};
 use mammotwin_stages::{
@@ -72,6 +72,7 @@ pub fn page(
     study: ThesisStudy,
     ways: &[Way],
     stated: &str,
+    juxtathoracic_mm: f64,
 ) -> (String, Vec<Figure>) {
     let title = match study {
         ThesisStudy::Paddles => "One breast under several paddles",
@@ -113,6 +114,13 @@ pub fn page(
     let (head, rows) = study.table();
     html += &table(&head, &rows);
     let _ = writeln!(html, "<p>{}</p>", escaped(study.caption()));
+    html += "<h2>Published compressions</h2>\n";
+    let rows: Vec<Vec<String>> =
+        trends::agreements(&found, juxtathoracic_mm).iter().map(agreement).collect();
+    let head = ["what", "published", "way", "ours", "agrees?", "source"].map(String::from);
+    html += &table(&head, &rows);
+    let said = trends::caption(&found, juxtathoracic_mm);
+    let _ = writeln!(html, "<p>{}</p>", escaped(&said));
     html += "<h2>Figures</h2>\n";
     for figure in &figures {
         let (element, title) = (&figure.element, escaped(&figure.title));
@@ -127,6 +135,13 @@ pub fn page(
     }
     html += "</body></html>\n";
     (html, figures)
+}
+
+/// A row of the table of agreement.
+fn agreement(one: &Agreement) -> Vec<String> {
+    let agrees = one.agrees.map_or("cannot be compared", |yes| if yes { "yes" } else { "no" });
+    let Agreement { what, published, way, ours, source, .. } = one;
+    [what, published, way, ours, agrees, source].map(ToString::to_string).to_vec()
 }
 
 fn differences_table(first: &Found, others: &[(&Way, &Found)]) -> String {
@@ -182,6 +197,9 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
     };
     let of = |f: &Found| f.compression.curve.force_n.clone();
     add("force.svg", course("Force against thickness", "force (N)", &of));
+    if let Some(chart) = trends::chart(&drawn) {
+        add("thickness_by_force.svg", chart);
+    }
     let of = |f: &Found| f.compression.curve.paddle_peak_pressure_kpa.clone();
     add(
         "peak_pressure.svg",

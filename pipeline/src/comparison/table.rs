@@ -1,6 +1,6 @@
 //! Comparisons as CSV files.
 
-use super::{Way, differences, shift_to_wall};
+use super::{Way, differences, shift_to_wall, trends::agreements};
 use crate::page::quoted;
 use mammotwin_data::study::{CompressLaw, MeshPlan};
 use std::fmt::Write;
@@ -153,6 +153,20 @@ pub fn comparisons(ways: &[Way]) -> String {
                 let _ = writeln!(text, "{label},{base},{},0,,{value:.4},,,,", quoted(&what));
             }
         }
+    }
+    text
+}
+
+/// Published numbers beside ours; `agrees` is empty where they cannot be compared.
+pub fn trends_csv(ways: &[Way], juxtathoracic_mm: f64) -> String {
+    let found: Vec<_> =
+        ways.iter().filter_map(|way| Some((way, way.found.as_ref().ok()?))).collect();
+    let mut text = String::from("way,what,published,ours,agrees,source\n");
+    for one in agreements(&found, juxtathoracic_mm) {
+        let agrees = one.agrees.map_or("", |yes| if yes { "1" } else { "0" });
+        let [what, published, ours, source] =
+            [&one.what, &one.published, &one.ours, &one.source].map(|text| quoted(text));
+        let _ = writeln!(text, "{},{what},{published},{ours},{agrees},{source}", one.way);
     }
     text
 }
