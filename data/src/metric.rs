@@ -11,6 +11,9 @@ pub struct Metric {
     pub unit: String,
     /// The value.
     pub value: f64,
+    /// One standard deviation of the value, where what it rests on has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd: Option<f64>,
     /// Value of Mîra (2018), for orientation; another person and another model.
     pub thesis: Option<f64>,
     /// Where it comes from: an equation, a table.
@@ -25,6 +28,7 @@ impl Metric {
             long_name: long_name.into(),
             unit: unit.into(),
             value,
+            sd: None,
             thesis: None,
             source: source.into(),
         }

@@ -28,6 +28,8 @@ pub const TG195_CASE_3: &str = include_str!("../tables/tg195_case_3.csv");
 pub const BOONE_SPR: &str = include_str!("../tables/boone2000_spr.csv");
 /// Table 5.10 of Mîra (2018).
 pub const THESIS_5_10: &str = include_str!("../tables/thesis_table_5_10.csv");
+/// Published thicknesses, pressures and shares of force of compressed women.
+pub const COMPRESSION_PUBLISHED: &str = include_str!("../tables/compression_published.csv");
 
 /// Cells of the rows after the comments (`#`) and the line of column names.
 ///
@@ -62,6 +64,7 @@ mod tests {
             TG195_CASE_3,
             BOONE_SPR,
             THESIS_5_10,
+            COMPRESSION_PUBLISHED,
         ] {
             assert!(table.starts_with('#'));
             assert!(rows(table).count() >= 4);

@@ -11,7 +11,7 @@ use mammotwin_data::{
     Failure,
     io::dicom::Intent,
     store::{Entry, Run, Stored},
-    study::{CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
+    study::{ComfortPlan, CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
     surface::TriMesh,
 };
 use mammotwin_stages::{
@@ -33,6 +33,7 @@ use mammotwin_stages::{
     phantom::{CompressedPhantom, Phantom},
     quality::{Metrics, Quality},
     results::{Provenance, StageRecord},
+    stiffer::{Deviations, Stiffened, Stiffer},
     validate::{Validate, Validation},
 };
 use std::collections::BTreeMap;
@@ -92,7 +93,13 @@ pub struct Squeezed {
 pub fn run(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     let mut outcome = body(study, run)?;
     if let Some(plan) = &study.compress {
-        outcome.squeezed = Some(squeeze(study, plan, "", run, &outcome)?);
+        let mut squeezed = squeeze(study, plan, "", run, &outcome)?;
+        if study.comfort.uncertainty {
+            let stiffened = stiffer(study, &outcome, run)?;
+            let inputs = (&squeezed.metrics[0], &squeezed.compression, &stiffened);
+            squeezed.metrics[0] = run.stage("", &Deviations, inputs)?;
+        }
+        outcome.squeezed = Some(squeezed);
     }
     deliver(study, run, &outcome)?;
     Ok(outcome)
@@ -354,6 +361,35 @@ fn provenance(run: &Run<'_>) -> Provenance {
     }
 }
 
+/// The same model with the fitted moduli one standard deviation higher.
+pub(crate) fn stiffer(
+    study: &Study,
+    outcome: &Outcome,
+    run: &Run<'_>,
+) -> Result<Stored<Stiffened>, Failure> {
+    let Outcome { reference, measured, mesh, calibration, .. } = outcome;
+    let targets = measured.targets(study).into_iter();
+    let Fitted { names, motions, surfaces } = Fitted::of(targets);
+    let cad = match study.compress.as_ref().and_then(|plan| plan.cad.as_ref()) {
+        Some(cad) => Some(run.external::<TriMesh>("compress.cad.file", &cad.file)?),
+        None => None,
+    };
+    let plan = study.compress.clone();
+    let stage = Stiffer {
+        model: study.model.clone(),
+        calibrate: study.calibrate.clone(),
+        gravity: gravity(reference, &study.poses[reference])?,
+        reference: reference.clone(),
+        poses: names,
+        compress: plan.map(|plan| plan.without_files().without_clamp()),
+        // Whether it is asked for changes nothing here.
+        comfort: ComfortPlan { uncertainty: false, ..study.comfort },
+    };
+    let first = &measured.images[reference].surfaces;
+    let measured = (first, &motions[..], &surfaces[..]);
+    run.stage("", &stage, ((mesh, calibration), measured, cad.as_ref()))
+}
+
 /// Compression, picture and metrics.
 fn squeeze(
     study: &Study,
@@ -369,7 +405,8 @@ fn squeeze(
     let elastic = plan.clone().without_files().without_clamp();
     let compress = Compress { model: study.model.clone(), plan: elastic };
     let compression = run.stage(label, &compress, (mesh, calibration, cad.as_ref()))?;
-    let comfort = Comfort { plan: study.comfort };
+    // Standard deviations are added later.
+    let comfort = Comfort { plan: ComfortPlan { uncertainty: false, ..study.comfort } };
     let mut metrics = vec![run.stage(label, &comfort, &compression)?];
     if let Some(clamp) = &plan.clamp {
         metrics.push(run.stage(label, &Clamp { plan: clamp.clone() }, &compression)?);

@@ -78,6 +78,19 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
     assert!(table.values().all(|row| row["mesh_mm"] == "15" && row["law"] == "gent"));
     assert!(page.contains("137.21") && page.contains("Effect size") && !page.contains("src=\"/"));
 
+    // Forms are compared with what is published, forces that are not reached are not.
+    let trends = fs::read_to_string(place.join("trends.csv")).unwrap();
+    assert!(page.contains("Published compressions") && page.contains("are not comparable"));
+    for way in ["rigid", "elastic", "curved"] {
+        let of = |what: &str| {
+            let start = format!("{way},\"{what}");
+            trends.lines().find(|line| line.starts_with(&start)).unwrap_or_default().to_owned()
+        };
+        assert!(of("h/h₀ at 100 N").contains("not reached"), "{trends}");
+        assert!(!of("fall of thickness").is_empty(), "{trends}");
+    }
+    assert!(trends.contains("elastic,\"share of the force on the breast: flexible over rigid"));
+
     // All is there: the same files.
     let before = fs::read(place.join("paddles.csv")).unwrap();
     let said = printed(&paddles);
@@ -148,7 +161,11 @@ fn designs_are_judged(study: &str, folder: &Path) {
             (*way, "thickness_mm")
         );
         let costs = |n: usize| {
-            [number(n, "peak_pressure_kpa"), number(n, "force_n"), -number(n, "in_view_share")]
+            [
+                number(n, "paddle_peak_pressure_kpa"),
+                number(n, "force_n"),
+                -number(n, "in_view_share"),
+            ]
         };
         let beaten = (0..3).any(|other| {
             let pairs = || costs(other).into_iter().zip(costs(n));
@@ -158,7 +175,12 @@ fn designs_are_judged(study: &str, folder: &Path) {
         assert!((0.02..0.98).contains(&number(n, "in_view_share")), "{way}");
     }
     // Foam presses softer than the plate it lies on.
-    assert!(number(2, "peak_pressure_kpa") < number(0, "peak_pressure_kpa"));
+    let of = "paddle_peak_pressure_kpa";
+    assert!(number(2, of) < number(0, of));
+    for n in 0..3 {
+        let both = number(n, "face_peak_pressure_kpa");
+        assert!(number(n, of) <= both && both <= number(n, "peak_pressure_kpa") + 1e-6);
+    }
     let page = fs::read_to_string(out.join("designs.html")).unwrap();
     assert!(page.matches("<svg").count() == 2 && page.contains("●"), "{page}");
 
@@ -166,6 +188,8 @@ fn designs_are_judged(study: &str, folder: &Path) {
         (&["--force-n", "2", "--thickness-mm", "46"][..], 2, "cannot be used with"),
         (&["--force-n", "0"], 2, "--force-n: give more than 0"),
         (&["--paddles", "rigid,soft"], 2, "there are"),
+        (&["--size-mm", "10"], 2, "--size-mm: is for volunteers of --seeds"),
+        (&["--seeds", "7", "--size-mm", "100"], 2, "give 2 to 50"),
     ] {
         let refused = mammotwin(&[&["study", "designs", study], more].concat());
         assert_eq!(refused.status.code(), Some(code));

@@ -160,6 +160,8 @@ pub struct Step {
     pub mean_pressure_kpa: f64,
     /// Largest contact pressure under either plate (kPa).
     pub peak_pressure_kpa: f64,
+    /// Largest contact pressure on the paddle's face (kPa): without its front and other upright edges.
+    pub paddle_peak_pressure_kpa: f64,
     /// Contact pressure of both plates at each node (kPa).
     pub contact_pressure_kpa: Vec<f64>,
     /// What receptor and paddle do to each node that they touch.

@@ -69,6 +69,8 @@ pub struct Course {
     pub mean_pressure_kpa: Vec<f64>,
     /// Largest pressure under either plate (kPa).
     pub peak_pressure_kpa: Vec<f64>,
+    /// Largest pressure on the paddle's face (kPa): without its front and other upright edges.
+    pub paddle_peak_pressure_kpa: Vec<f64>,
 }
 
 /// What a plate does at the end, node by node.
@@ -176,7 +178,7 @@ impl Compression {
 
 impl Stage for Compress {
     const NAME: &'static str = "compress";
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
     const METHODS: &'static str = "The breast was compressed between two plates, flat, frictionless and fixed in their direction \
          unless stated otherwise, their rounded edges along the chest wall under it, the paddle as large as its outline, from its stress-free shape and without gravity (the thesis \
          neglects its prestress, too); a share of the weight of an upright person acts where stated.";
@@ -249,6 +251,7 @@ fn result(
         edge_area_mm2: of(|s| s.edge_area_mm2),
         mean_pressure_kpa: of(|s| s.mean_pressure_kpa),
         peak_pressure_kpa: of(|s| s.peak_pressure_kpa),
+        paddle_peak_pressure_kpa: of(|s| s.paddle_peak_pressure_kpa),
     };
     let last = done.steps.last();
     let nodes = mesh.points.len();

@@ -72,6 +72,21 @@ impl Artifact for Shapes {
 
     fn save(&self, path: &Path) -> Result<(), Failure> {
         let mut file = hdf5::Writer::create(path)?;
+        self.put(&mut file)?;
+        Ok(file.finish()?)
+    }
+
+    fn load(path: &Path) -> Result<Self, Failure> {
+        Self::get(&hdf5::Reader::open(path)?)
+    }
+}
+
+impl Shapes {
+    /// Writes the shapes into a file.
+    ///
+    /// # Errors
+    /// As of the file.
+    pub fn put(&self, file: &mut hdf5::Writer) -> Result<(), Failure> {
         file.frame(hdf5::Frame::Ras)?;
         file.put("rest", &self.rest, "mm", "stress-free node positions")?;
         let names: Vec<&str> = self.poses.keys().map(String::as_str).collect();
@@ -85,11 +100,14 @@ impl Artifact for Shapes {
             file.put("start", &pressed.start, "mm", "nodes before the compression")?;
             file.put("pressed", &pressed.points, "mm", "nodes between the plates")?;
         }
-        Ok(file.finish()?)
+        Ok(())
     }
 
-    fn load(path: &Path) -> Result<Self, Failure> {
-        let file = hdf5::Reader::open(path)?;
+    /// Reads what [`Shapes::put`] wrote.
+    ///
+    /// # Errors
+    /// As of the file.
+    pub fn get(file: &hdf5::Reader) -> Result<Self, Failure> {
         let mut poses = BTreeMap::new();
         for name in file.texts("poses")? {
             let points = file.get(&format!("points/{name}"))?;

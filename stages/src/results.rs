@@ -191,6 +191,10 @@ fn put_metrics(file: &mut Writer, metrics: &[Metric]) -> Result<(), Failure> {
     file.put_texts("metrics/unit", &units, "Unit of value and thesis")?;
     let values: Vec<f64> = metrics.iter().map(|m| m.value).collect();
     file.put("metrics/value", &values, "see unit", "Value")?;
+    let sd: Vec<f64> = metrics.iter().map(|m| m.sd.unwrap_or(f64::NAN)).collect();
+    let long =
+        "One standard deviation of the value from the fitted moduli, NaN where it was not computed";
+    file.put("metrics/sd", &sd, "see unit", long)?;
     let thesis: Vec<f64> = metrics.iter().map(|m| m.thesis.unwrap_or(f64::NAN)).collect();
     file.put("metrics/thesis", &thesis, "see unit", "Value of Mîra (2018), NaN for none")?;
     file.put_texts("metrics/source", &texts(|m| &m.source), "Equation or table it comes from")?;

@@ -359,11 +359,18 @@ pub struct ComfortPlan {
     pub mat_pitch_mm: f64,
     /// Least pressure (kPa) that a sensor of the mat shows.
     pub mat_threshold_kpa: f64,
+    /// Whether the compression is computed once more with stiffer breasts, for one standard deviation of the metrics.
+    pub uncertainty: bool,
 }
 
 impl Default for ComfortPlan {
     /// Assumptions; the thesis calls the region juxtathoracic without a measure.
     fn default() -> Self {
-        Self { juxtathoracic_mm: 20.0, mat_pitch_mm: 10.0, mat_threshold_kpa: 0.5 }
+        Self {
+            juxtathoracic_mm: 20.0,
+            mat_pitch_mm: 10.0,
+            mat_threshold_kpa: 0.5,
+            uncertainty: false,
+        }
     }
 }

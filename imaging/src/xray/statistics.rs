@@ -60,6 +60,26 @@ pub fn mann_whitney(a: &[f64], b: &[f64]) -> Option<Test> {
     (variance > 0.0).then_some(Test { statistic: u, p: p.min(1.0) })
 }
 
+/// By how many standard errors a mean of `freedom` + 1 values is within its two-sided interval of chance `inside`
+/// (Student, Biometrika 6 (1908) 1): 12.706 for 0.95 of two values, 1.96 of very many.
+///
+/// # Panics
+/// Unless `freedom` > 0 and 0 < `inside` < 1.
+pub fn student(inside: f64, freedom: f64) -> f64 {
+    assert!(freedom > 0.0 && inside > 0.0 && inside < 1.0, "a chance and degrees of freedom");
+    let outside = |t: f64| incomplete_beta(0.5 * freedom, 0.5, freedom / (freedom + t * t));
+    let (mut low, mut high) = (0.0, 1.0);
+    while outside(high) > 1.0 - inside {
+        high *= 2.0;
+    }
+    // Halved down to the last digit.
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if outside(middle) > 1.0 - inside { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
 /// Chance that a standard normal number is farther from zero than `z`.
 pub fn two_sided(z: f64) -> f64 {
     complementary_error(z.abs() / 2f64.sqrt())
@@ -154,6 +174,20 @@ mod tests {
         near(mann_whitney(&c, &d), 3.0, 0.003852052065784784);
         near(welch(&row, &shifted), -10.998533626601494, 8.108573011694179e-16);
         near(mann_whitney(&row, &shifted), 12.5, 1.0384657790343385e-10);
+    }
+
+    /// Fisher and Yates, Statistical Tables (1963), table III; of one and two degrees in closed form.
+    #[test]
+    fn students_t_is_that_of_the_tables() {
+        let turn = PI * 0.475;
+        assert!((student(0.95, 1.0) / turn.tan() - 1.0).abs() < 1e-12);
+        let two = 0.95 * (2.0 / (1.0 - 0.95f64.powi(2))).sqrt();
+        assert!((student(0.95, 2.0) / two - 1.0).abs() < 1e-12);
+        for (inside, freedom, t) in
+            [(0.95, 9.0, 2.262), (0.99, 9.0, 3.250), (0.9, 30.0, 1.697), (0.95, 120.0, 1.980)]
+        {
+            assert!((student(inside, freedom) - t).abs() < 5e-4, "{inside} {freedom}");
+        }
     }
 
     #[test]

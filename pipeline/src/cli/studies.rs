@@ -96,10 +96,11 @@ pub struct CalibrationArguments {
 
 const DESIGNS_HELP: &str = "\
 Presses every breast with every paddle at every distance from the chest wall, until a force or a
-thickness that is the same for all, and judges: largest pressure, compressed thickness (at a given
-thickness: force), average glandular dose, share of the breast in the picture. What nothing beats
-in all of them is the Pareto front, of each volunteer and of the medians over all, each over the
-first paddle at the first distance. Results that are there are used again: a study that was cut
+thickness that is the same for all, and judges: largest pressure of the paddle's face, compressed
+thickness (at a given thickness: force), average glandular dose, share of the breast in the picture.
+What nothing beats in all of them is the Pareto front, of each volunteer and of the medians over all,
+each over the first paddle at the first distance. Several volunteers: each paddle over the first one
+in pairs, with 95 % intervals. Results that are there are used again: a study that was cut
 short goes on where it ended. A file of designs has a table [NAME] each, with paddle and its own
 table as in [compress]:
 
@@ -109,7 +110,8 @@ table as in [compress]:
 
 Examples:
   mammotwin study designs study.toml --paddles rigid,flex,curved --force-n 2
-  mammotwin study designs --seeds 7,8 --designs designs.toml --distances 15,12";
+  mammotwin study designs --seeds 7,8 --designs designs.toml --distances 15,12
+  mammotwin study designs --preset large --seeds 1,2,3,4 --size-mm 10 --paddles rigid,flex --force-n 5";
 
 /// The study of designs.
 #[derive(Debug, Clone, Args)]
@@ -126,6 +128,9 @@ pub struct DesignsArguments {
     /// Edge of their voxels (mm), one number or three [default: the preset's]
     #[arg(long, value_name = "MM", value_delimiter = ',')]
     pub voxel_mm: Vec<f64>,
+    /// Edge of the elements of their meshes (mm) [default: the preset's]
+    #[arg(long, value_name = "MM")]
+    pub size_mm: Option<f64>,
     /// Paddles; the first one is what the others are compared with
     #[arg(
         long,

@@ -5,6 +5,7 @@ use crate::{
     cli::{PaddlesArguments, PositionsArguments, StudyArguments},
     comparison::{
         Found, ThesisStudy, Way, comparisons, curves, page, stated, summary, time_courses,
+        trends_csv,
     },
     display::Display,
     graph,
@@ -117,7 +118,8 @@ fn go(
     fs::create_dir_all(&folder).map_err(|cause| Failure::io(&folder, cause))?;
     // All ways share law and mesh.
     let stated = plans.first().map_or(String::new(), |(_, plan)| stated(&read.mesh, &plan.law));
-    let (html, figures) = page(&read.subject.id, study, &ways, &stated);
+    let juxtathoracic_mm = read.comfort.juxtathoracic_mm;
+    let (html, figures) = page(&read.subject.id, study, &ways, &stated, juxtathoracic_mm);
     for figure in &figures {
         write(&folder.join(&figure.name), &figure.bytes)?;
     }
@@ -126,6 +128,7 @@ fn go(
     if ways.iter().flat_map(|way| &way.found).any(|found| found.course.is_some()) {
         write(&folder.join("time_courses.csv"), time_courses(&ways))?;
     }
+    write(&folder.join("trends.csv"), trends_csv(&ways, juxtathoracic_mm))?;
     write(&folder.join("comparisons.csv"), comparisons(&ways))?;
     write(&folder.join(format!("{name}.html")), html)?;
     let computed = pass.entries.iter().filter(|entry| entry.computed).count();

@@ -11,7 +11,10 @@ use super::{
 use crate::{
     cli::{DesignsArguments, StudyArguments},
     comparison::Found,
-    designs::{Objective, Person, Trial, Way, designs_csv, objectives, overall, page, summary_csv},
+    designs::{
+        COMPARED, Objective, Person, Trial, Way, designs_csv, objectives, overall, page, pairs,
+        summary_csv,
+    },
     display::Display,
     graph::{self, Squeezed},
     plausible::findings,
@@ -45,10 +48,22 @@ pub fn designs(arguments: &DesignsArguments) -> Result<(), Failure> {
     if let Some(mm) = arguments.distances.iter().find(|mm| !(0.0..=200.0).contains(*mm)) {
         return Err(Failure::Usage(format!("--distances: {mm} mm; give 0 to 200")));
     }
+    if let Some(mm) = arguments.size_mm {
+        if arguments.seeds.is_empty() {
+            let text = "--size-mm: is for volunteers of --seeds; a study has its own [mesh]";
+            return Err(Failure::Usage(text.into()));
+        }
+        if !(2.0..=50.0).contains(&mm) {
+            return Err(Failure::Usage(format!("--size-mm: {mm} mm; give 2 to 50")));
+        }
+    }
     let files = volunteers(arguments)?;
     let mut opened = Vec::new();
-    for study in files {
+    for (n, study) in files.into_iter().enumerate() {
         let mut one = open(&StudyArguments { study, out: None })?;
+        if let Some(mm) = arguments.size_mm.filter(|_| n >= arguments.studies.len()) {
+            one.study.mesh.size_mm = mm;
+        }
         if arguments.no_picture {
             one.study.mammogram = None;
         }
@@ -61,7 +76,8 @@ pub fn designs(arguments: &DesignsArguments) -> Result<(), Failure> {
         one.refuse_wrong(&findings(&one.study, &one.base))?;
         let (trials, counts) = tried(one, ways, &wanted)?;
         (computed, stages) = (computed + counts[0], stages + counts[1]);
-        persons.push(Person::of(one.study.subject.id.clone(), trials, &wanted));
+        let (id, mesh_mm) = (one.study.subject.id.clone(), one.study.mesh.size_mm);
+        persons.push(Person::of(id, mesh_mm, trials, &wanted));
         written(arguments, &plans[0], &persons, &wanted)?;
     }
     tell!("{computed} of {stages} stages computed");
@@ -212,16 +228,21 @@ fn written(
 ) -> Result<(), Failure> {
     let out = &arguments.out;
     let all = overall(ways.len(), persons, wanted);
-    let (html, figures) = page(ways, persons, &all, wanted);
+    let paired = pairs(ways, persons);
+    let (html, figures) = page(ways, persons, &all, &paired, wanted);
     for figure in &figures {
         write(&out.join(&figure.name), &figure.svg)?;
     }
     write(&out.join("designs.csv"), designs_csv(ways, persons, wanted))?;
-    write(&out.join("summary.csv"), summary_csv(ways, &all, wanted))?;
+    write(&out.join("summary.csv"), summary_csv(ways, &all, &paired, wanted))?;
     write(&out.join("designs.html"), html)
 }
 
-/// The answer: a line for each way.
+/// What is said of pairs; the rest is in tables and page.
+const TOLD: [&str; 4] =
+    ["paddle_peak_pressure_kpa", "paddle_pressure_p95_kpa", "force_n", "nominal_thickness_mm"];
+
+/// The answer: a line for each way, and for each pair of paddles over all volunteers.
 fn told(ways: &[Way], persons: &[Person], wanted: &[Objective]) {
     let names: Vec<&str> = wanted.iter().map(|one| one.name).collect();
     let what = if persons.len() > 1 { "medians over the first way" } else { "values" };
@@ -240,5 +261,22 @@ fn told(ways: &[Way], persons: &[Person], wanted: &[Objective]) {
             .filter_map(|p| Some(format!("{}: {}", p.id, p.trials[n].why_not.as_ref()?)))
             .collect();
         tell!("{mark} {:<20}{}  {}", way.label, values.concat(), failed.join("; "));
+    }
+    if persons.len() < 2 {
+        return;
+    }
+    for pair in pairs(ways, persons) {
+        let (way, against) = (&ways[pair.way].label, &ways[pair.against].label);
+        for (what, ratio) in COMPARED.iter().zip(&pair.ratios) {
+            let (Some(ratio), true) = (ratio, TOLD.contains(&what.name)) else { continue };
+            let [low, high] = ratio.interval.unwrap_or([f64::NAN; 2]);
+            tell!(
+                "  {way} / {against}: {:<24} {:.3} ({low:.3} to {high:.3}), lower on {} of {}",
+                what.name,
+                ratio.mean,
+                ratio.lower,
+                ratio.persons
+            );
+        }
     }
 }

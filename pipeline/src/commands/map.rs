@@ -44,7 +44,7 @@ pub fn map(arguments: &MapArguments) -> Result<(), Failure> {
             listener: &display,
         };
         let pass = store::execute(&drive, |run| stiffer(&opened.study, run))?;
-        body.stiffer = Some(pass.outcome.load()?);
+        body.stiffer = Some(pass.outcome.load()?.shapes);
         body.map(&from, &points)
     };
     let (mut placed, mut unplaced) = (Vec::new(), Vec::new());

@@ -3,10 +3,12 @@
 mod page;
 mod table;
 mod thesis;
+mod trends;
 
 pub use page::page;
-pub use table::{comparisons, curves, stated, summary, time_courses};
+pub use table::{comparisons, curves, stated, summary, time_courses, trends_csv};
 pub use thesis::Study as ThesisStudy;
+pub use trends::{Agreement, agreements};
 
 use crate::graph::Squeezed;
 use mammotwin_data::{

@@ -1,6 +1,6 @@
 //! Comparisons as one page that needs no other file.
 
-use super::{Difference, Found, ThesisStudy, Way, differences, shift_to_wall};
+use super::{Agreement, Difference, Found, ThesisStudy, Way, differences, shift_to_wall, trends};
 use crate::page::{FIGURES_AND_TABLES, begin, number, table};
 use mammotwin_data::{mesh::Patch, surface::TriMesh};
 use mammotwin_stages::{
@@ -22,7 +22,7 @@ const SENSOR_PIXELS: usize = 12;
 const BAR_MM: f64 = 50.0;
 
 /// Metrics of the table, with their headings.
-const SHOWN: [(&str, &str); 26] = [
+const SHOWN: [(&str, &str); 28] = [
     ("thickness_mm", "thickness (mm)"),
     ("nominal_thickness_mm", "nominal thickness (mm)"),
     ("deflection_mm", "deflection (mm)"),
@@ -33,7 +33,9 @@ const SHOWN: [(&str, &str); 26] = [
     ("edge_area_cm2", "contact area, other edges (cm²)"),
     ("mean_pressure_kpa", "mean pressure (kPa)"),
     ("pressure_p95_kpa", "pressure, 95 % of area (kPa)"),
-    ("face_peak_pressure_kpa", "largest pressure, faces (kPa)"),
+    ("paddle_peak_pressure_kpa", "largest pressure, paddle's face (kPa)"),
+    ("paddle_pressure_p95_kpa", "pressure, 95 % of paddle's face (kPa)"),
+    ("face_peak_pressure_kpa", "largest pressure, faces of both plates (kPa)"),
     ("front_peak_pressure_kpa", "largest pressure, fronts (kPa)"),
     ("edge_peak_pressure_kpa", "largest pressure, other edges (kPa)"),
     ("juxtathoracic_share", "juxtathoracic share of force"),
@@ -70,6 +72,7 @@ pub fn page(
     study: ThesisStudy,
     ways: &[Way],
     stated: &str,
+    juxtathoracic_mm: f64,
 ) -> (String, Vec<Figure>) {
     let title = match study {
         ThesisStudy::Paddles => "One breast under several paddles",
@@ -111,6 +114,13 @@ pub fn page(
     let (head, rows) = study.table();
     html += &table(&head, &rows);
     let _ = writeln!(html, "<p>{}</p>", escaped(study.caption()));
+    html += "<h2>Published compressions</h2>\n";
+    let rows: Vec<Vec<String>> =
+        trends::agreements(&found, juxtathoracic_mm).iter().map(agreement).collect();
+    let head = ["what", "published", "way", "ours", "agrees?", "source"].map(String::from);
+    html += &table(&head, &rows);
+    let said = trends::caption(&found, juxtathoracic_mm);
+    let _ = writeln!(html, "<p>{}</p>", escaped(&said));
     html += "<h2>Figures</h2>\n";
     for figure in &figures {
         let (element, title) = (&figure.element, escaped(&figure.title));
@@ -125,6 +135,13 @@ pub fn page(
     }
     html += "</body></html>\n";
     (html, figures)
+}
+
+/// A row of the table of agreement.
+fn agreement(one: &Agreement) -> Vec<String> {
+    let agrees = one.agrees.map_or("cannot be compared", |yes| if yes { "yes" } else { "no" });
+    let Agreement { what, published, way, ours, source, .. } = one;
+    [what, published, way, ours, agrees, source].map(ToString::to_string).to_vec()
 }
 
 fn differences_table(first: &Found, others: &[(&Way, &Found)]) -> String {
@@ -180,15 +197,22 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
     };
     let of = |f: &Found| f.compression.curve.force_n.clone();
     add("force.svg", course("Force against thickness", "force (N)", &of));
-    let of = |f: &Found| f.compression.curve.peak_pressure_kpa.clone();
-    add("peak_pressure.svg", course("Largest pressure against thickness", "pressure (kPa)", &of));
+    if let Some(chart) = trends::chart(&drawn) {
+        add("thickness_by_force.svg", chart);
+    }
+    let of = |f: &Found| f.compression.curve.paddle_peak_pressure_kpa.clone();
+    add(
+        "peak_pressure.svg",
+        course("Largest pressure of the paddle's face against thickness", "pressure (kPa)", &of),
+    );
     let by_force = |(way, f): &(&Way, &Found)| {
         let curve = &f.compression.curve;
         let along = curve.force_n.iter().copied();
-        let points = along.zip(curve.peak_pressure_kpa.iter().copied()).collect();
+        let points = along.zip(curve.paddle_peak_pressure_kpa.iter().copied()).collect();
         Line { name: way.label.clone(), points }
     };
-    let (title, pressure) = ("Largest pressure at the same force", "pressure (kPa)");
+    let (title, pressure) =
+        ("Largest pressure of the paddle's face at the same force", "pressure (kPa)");
     let all_ways = drawn.iter().map(by_force).collect();
     add("peak_by_force.svg", chart(title, "force (N)", pressure, all_ways, Axis::Rising));
     let of = |f: &Found| f.compression.curve.mean_pressure_kpa.clone();
@@ -211,8 +235,8 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
             ("force_by_distance.svg", "force_n", "Force at the end", "force (N)"),
             (
                 "pressure_by_distance.svg",
-                "face_peak_pressure_kpa",
-                "Largest pressure on the faces at the end",
+                "paddle_peak_pressure_kpa",
+                "Largest pressure of the paddle's face at the end",
                 "pressure (kPa)",
             ),
         ] {

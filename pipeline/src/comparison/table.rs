@@ -1,6 +1,6 @@
 //! Comparisons as CSV files.
 
-use super::{Way, differences, shift_to_wall};
+use super::{Way, differences, shift_to_wall, trends::agreements};
 use crate::page::quoted;
 use mammotwin_data::study::{CompressLaw, MeshPlan};
 use std::fmt::Write;
@@ -65,7 +65,8 @@ pub fn summary(ways: &[Way], mesh_mm: f64) -> String {
 pub fn curves(ways: &[Way]) -> String {
     let mut text = String::from(
         "way,thickness_mm,force_n,receptor_force_n,tilt_deg,roll_deg,deflection_mm,bulge_mm,\
-         moved_mm,contact_area_mm2,front_area_mm2,edge_area_mm2,mean_pressure_kpa,peak_pressure_kpa\n",
+         moved_mm,contact_area_mm2,front_area_mm2,edge_area_mm2,mean_pressure_kpa,peak_pressure_kpa,\
+         paddle_peak_pressure_kpa\n",
     );
     for way in ways {
         let Ok(found) = &way.found else { continue };
@@ -73,7 +74,7 @@ pub fn curves(ways: &[Way]) -> String {
         for n in 0..c.thickness_mm.len() {
             let _ = writeln!(
                 text,
-                "{},{:.3},{:.6},{:.6},{:.4},{:.4},{:.4},{:.4},{:.4},{:.2},{:.2},{:.2},{:.6},{:.6}",
+                "{},{:.3},{:.6},{:.6},{:.4},{:.4},{:.4},{:.4},{:.4},{:.2},{:.2},{:.2},{:.6},{:.6},{:.6}",
                 way.label,
                 c.thickness_mm[n],
                 c.force_n[n],
@@ -87,7 +88,8 @@ pub fn curves(ways: &[Way]) -> String {
                 c.front_area_mm2[n],
                 c.edge_area_mm2[n],
                 c.mean_pressure_kpa[n],
-                c.peak_pressure_kpa[n]
+                c.peak_pressure_kpa[n],
+                c.paddle_peak_pressure_kpa[n]
             );
         }
     }
@@ -151,6 +153,20 @@ pub fn comparisons(ways: &[Way]) -> String {
                 let _ = writeln!(text, "{label},{base},{},0,,{value:.4},,,,", quoted(&what));
             }
         }
+    }
+    text
+}
+
+/// Published numbers beside ours; `agrees` is empty where they cannot be compared.
+pub fn trends_csv(ways: &[Way], juxtathoracic_mm: f64) -> String {
+    let found: Vec<_> =
+        ways.iter().filter_map(|way| Some((way, way.found.as_ref().ok()?))).collect();
+    let mut text = String::from("way,what,published,ours,agrees,source\n");
+    for one in agreements(&found, juxtathoracic_mm) {
+        let agrees = one.agrees.map_or("", |yes| if yes { "1" } else { "0" });
+        let [what, published, ours, source] =
+            [&one.what, &one.published, &one.ours, &one.source].map(|text| quoted(text));
+        let _ = writeln!(text, "{},{what},{published},{ours},{agrees},{source}", one.way);
     }
     text
 }

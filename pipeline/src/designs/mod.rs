@@ -2,10 +2,12 @@
 //! which ones nothing beats in everything.
 
 mod page;
+mod paired;
 mod pareto;
 mod table;
 
 pub use page::page;
+pub use paired::{COMPARED, Compared, Pair, Ratio, pairs};
 pub use pareto::front;
 pub use table::{designs_csv, summary_csv};
 
@@ -33,8 +35,13 @@ pub struct Objective {
     pub wanted: Wanted,
 }
 
-const PRESSURE: Objective =
-    Objective { name: "peak_pressure_kpa", words: "largest pressure (kPa)", wanted: Wanted::Least };
+/// Of the paddle's face: the receptor, which is alike for all, and fronts can bear more and would hide what a paddle
+/// does.
+const PRESSURE: Objective = Objective {
+    name: "paddle_peak_pressure_kpa",
+    words: "largest pressure, paddle's face (kPa)",
+    wanted: Wanted::Least,
+};
 const THICKNESS: Objective = Objective {
     name: "nominal_thickness_mm",
     words: "compressed thickness (mm)",
@@ -77,6 +84,8 @@ pub struct Trial {
     pub chest_wall_distance_mm: f64,
     /// The objectives' values; NaN where one was not found.
     pub values: Vec<f64>,
+    /// What pairs of paddles are compared by, in the order of [`COMPARED`]; NaN where one was not found.
+    pub compared: Vec<f64>,
     /// Force (N).
     pub force_n: f64,
     /// Nominal thickness (mm).
@@ -103,6 +112,7 @@ impl Trial {
         Self {
             chest_wall_distance_mm: way.plan.chest_wall_distance_mm,
             values: objectives.iter().map(value).collect(),
+            compared: COMPARED.iter().map(|one| found.metric(one.name)).collect(),
             force_n: found.metric("force_n"),
             thickness_mm: found.metric("nominal_thickness_mm"),
             in_view_cm3: view.map_or(f64::NAN, |view| view.volume_cm3),
@@ -116,6 +126,7 @@ impl Trial {
         Self {
             chest_wall_distance_mm: way.plan.chest_wall_distance_mm,
             values: vec![f64::NAN; objectives.len()],
+            compared: vec![f64::NAN; COMPARED.len()],
             force_n: f64::NAN,
             thickness_mm: f64::NAN,
             in_view_cm3: f64::NAN,
@@ -141,6 +152,8 @@ impl Trial {
 pub struct Person {
     /// Her pseudonym.
     pub id: String,
+    /// Edge (mm) of the elements of her mesh.
+    pub mesh_mm: f64,
     /// In the order of the ways.
     pub trials: Vec<Trial>,
     /// Which of them lie on her front.
@@ -149,9 +162,9 @@ pub struct Person {
 
 impl Person {
     /// With her front.
-    pub fn of(id: String, trials: Vec<Trial>, objectives: &[Objective]) -> Self {
+    pub fn of(id: String, mesh_mm: f64, trials: Vec<Trial>, objectives: &[Objective]) -> Self {
         let costs: Vec<Vec<f64>> = trials.iter().map(|trial| trial.costs(objectives)).collect();
-        Self { id, on_front: front(&costs), trials }
+        Self { id, mesh_mm, on_front: front(&costs), trials }
     }
 }
 
@@ -211,13 +224,14 @@ mod tests {
         let trial = |&(pressure, view, why): &(f64, f64, Option<&str>)| Trial {
             chest_wall_distance_mm: 15.0,
             values: vec![pressure, view],
+            compared: vec![pressure; COMPARED.len()],
             force_n: f64::NAN,
             thickness_mm: f64::NAN,
             in_view_cm3: f64::NAN,
             ended_by: None,
             why_not: why.map(String::from),
         };
-        Person::of("a".into(), trials.iter().map(trial).collect(), objectives)
+        Person::of("a".into(), 15.0, trials.iter().map(trial).collect(), objectives)
     }
 
     #[test]
@@ -237,6 +251,28 @@ mod tests {
         );
         assert_eq!((all[0].fronts, all[2].fronts, all[3].persons), (2, 0, 0));
         assert!(all[3].over_first[0].is_nan());
+    }
+
+    /// Pairs are of one distance, and of persons on whom both count.
+    #[test]
+    fn pairs_are_of_one_distance_and_of_persons_with_both() {
+        let plan = |mm: f64| CompressPlan { chest_wall_distance_mm: mm, ..table::tests::plan() };
+        let way = |design: &str, mm: f64| Way {
+            label: format!("{design}_{mm}mm"),
+            design: design.into(),
+            plan: plan(mm),
+        };
+        let ways = [way("rigid", 15.0), way("rigid", 20.0), way("flex", 15.0), way("flex", 20.0)];
+        let early = Some("ended early");
+        let found = |c, why| [(10.0, 0.5, None), (4.0, 0.5, None), (8.0, 0.5, why), (c, 0.5, None)];
+        let wanted = [PRESSURE, TISSUE];
+        let persons = [person(&found(5.0, None), &wanted), person(&found(3.2, early), &wanted)];
+        let all = pairs(&ways, &persons);
+        assert_eq!(all.iter().map(|p| (p.way, p.against)).collect::<Vec<_>>(), [(2, 0), (3, 1)]);
+        let [near, far] = [&all[0], &all[1]].map(|pair| pair.ratios[0].unwrap());
+        assert!((near.mean - 0.8).abs() < 1e-12 && near.persons == 1 && near.interval.is_none());
+        // 1.25 and 0.8: one up, one down.
+        assert!((far.mean - 1.0).abs() < 1e-12 && (far.persons, far.lower) == (2, 1));
     }
 
     #[test]

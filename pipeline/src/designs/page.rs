@@ -1,7 +1,7 @@
 //! Designs as one page that needs no other file.
 
-use super::{FORCE, Objective, Overall, Person, Trial, Wanted, Way};
-use crate::page::{FIGURES_AND_TABLES, begin, number};
+use super::{COMPARED, FORCE, Objective, Overall, Pair, Person, Trial, Wanted, Way};
+use crate::page::{FIGURES_AND_TABLES, begin, number, table};
 use mammotwin_stages::report::{
     escaped,
     scatter::{Dot, Fill, Group, Scatter, scatter},
@@ -24,6 +24,7 @@ pub fn page(
     ways: &[Way],
     persons: &[Person],
     all: &[Overall],
+    pairs: &[Pair],
     objectives: &[Objective],
 ) -> (String, Vec<Figure>) {
     let names: Vec<&str> = persons.iter().map(|person| person.id.as_str()).collect();
@@ -34,13 +35,22 @@ pub fn page(
         html,
         "<p>● lies on the Pareto front: nothing else is as good in every column and better in one. Of {} \
          much is wanted, of the others little; the darker a cell, the better in its column. \
-         Differences are those of one mesh each: such of a few per cent may be the mesh's.</p>",
+         Differences are those of one mesh each: such of a few per cent may be the mesh's. The largest pressure is that of \
+         the paddle's face; those of both plates and of upright fronts and edges are in designs.csv{}.</p>",
         objectives
             .iter()
             .filter(|o| o.wanted == Wanted::Most)
             .map(|o| o.words)
             .collect::<Vec<_>>()
-            .join(", ")
+            .join(", "),
+        if pairs.is_empty() { "" } else { " and in the pairs" }
+    );
+    let mut meshes: Vec<String> = persons.iter().map(|p| p.mesh_mm.to_string()).collect();
+    meshes.dedup();
+    let meshes = meshes.join(", ");
+    let _ = writeln!(
+        html,
+        "<p>Elements of {meshes} mm. Forces and pressures depend on them: compare numbers of one size.</p>"
     );
     if objectives.contains(&FORCE) {
         html += "<p>The thickness that is given is the distance of the plates. Under a paddle that rises, bends or tilts the \
@@ -55,6 +65,7 @@ pub fn page(
             escaped(first)
         );
         html += &overall_table(ways, persons.len(), all, objectives);
+        html += &paired_table(ways, pairs);
     }
     for person in persons {
         let _ = writeln!(html, "<h2>{}</h2>", escaped(&person.id));
@@ -132,6 +143,44 @@ fn overall_table(
         (vec![way.label.clone(), dot(one.on_front)], one.over_first.clone(), vec![missing])
     };
     shaded(&head, &ways.iter().zip(all).map(row).collect::<Vec<_>>(), objectives)
+}
+
+/// Each way against the first design at its distance, over the persons.
+fn paired_table(ways: &[Way], pairs: &[Pair]) -> String {
+    if pairs.is_empty() {
+        return String::new();
+    }
+    let head = ["way", "against", "what", "ratio", "95 % interval", "volunteers", "lower on"];
+    let mut rows = Vec::new();
+    for pair in pairs {
+        for (what, ratio) in COMPARED.iter().zip(&pair.ratios) {
+            let Some(ratio) = ratio else { continue };
+            let interval = match ratio.interval {
+                Some([low, high]) => {
+                    let mark = if ratio.is_clear() { " *" } else { "" };
+                    format!("{low:.3} to {high:.3}{mark}")
+                }
+                None => "–".into(),
+            };
+            rows.push(vec![
+                ways[pair.way].label.clone(),
+                ways[pair.against].label.clone(),
+                what.words.to_owned(),
+                format!("{:.3}", ratio.mean),
+                interval,
+                ratio.persons.to_string(),
+                ratio.lower.to_string(),
+            ]);
+        }
+    }
+    format!(
+        "<h2>In pairs</h2>\n<p>Each way over the first paddle at the same distance, on the same volunteer: geometric mean \
+         of the ratios, with its 95 % interval (Student's t of ln ratio over the volunteers), and on how many the ratio is \
+         below one. * the interval holds no 1. The interval is that of these volunteers' spread: errors that all share \
+         (law, elements, hinge) are not in it, and of many rows some are marked by chance. Volunteers on whom one of both \
+         does not count are left out.</p>\n{}",
+        table(&head.map(String::from), &rows)
+    )
 }
 
 fn person_table(ways: &[Way], person: &Person, objectives: &[Objective]) -> String {

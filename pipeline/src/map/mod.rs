@@ -4,14 +4,13 @@ mod spread;
 
 pub use spread::Spread;
 
-use crate::graph::{self, Fitted, Outcome};
+use crate::graph::{self, Outcome};
 use mammotwin_data::{
     Failure, Vec3,
     io::landmarks,
     rigid::RigidTransform,
     store::{Run, Stored},
     study::{MammogramPlan, Study, Use},
-    surface::TriMesh,
 };
 use mammotwin_imaging::xray::{calibration::Unit, geometry::Geometry};
 use mammotwin_stages::{
@@ -22,7 +21,7 @@ use mammotwin_stages::{
     place::{Carrier, Places, Shape, Shapes, Unplaced},
     pose::PoseFit,
     register::Registered,
-    stiffer::Stiffer,
+    stiffer::Stiffened,
 };
 use serde::Serialize;
 use std::{collections::BTreeMap, path::Path};
@@ -87,26 +86,8 @@ pub struct Mapped {
 }
 
 /// Runs the stages that a map needs beside a finished study.
-pub fn stiffer(study: &Study, run: &Run<'_>) -> Result<Stored<Shapes>, Failure> {
-    let Outcome { reference, measured, mesh, calibration, .. } = graph::body(study, run)?;
-    let targets = measured.targets(study).into_iter();
-    let Fitted { names, motions, surfaces } = Fitted::of(targets);
-    let cad = match study.compress.as_ref().and_then(|plan| plan.cad.as_ref()) {
-        Some(cad) => Some(run.external::<TriMesh>("compress.cad.file", &cad.file)?),
-        None => None,
-    };
-    let plan = study.compress.clone();
-    let stage = Stiffer {
-        model: study.model.clone(),
-        calibrate: study.calibrate.clone(),
-        gravity: graph::gravity(&reference, &study.poses[&reference])?,
-        reference: reference.clone(),
-        poses: names,
-        compress: plan.map(|plan| plan.without_files().without_clamp()),
-    };
-    let first = &measured.images[&reference].surfaces;
-    let measured = (first, &motions[..], &surfaces[..]);
-    run.stage("", &stage, ((&mesh, &calibration), measured, cad.as_ref()))
+pub fn stiffer(study: &Study, run: &Run<'_>) -> Result<Stored<Stiffened>, Failure> {
+    graph::stiffer(study, &graph::body(study, run)?, run)
 }
 
 impl Body {

@@ -11,7 +11,8 @@ from .group import Group
 
 @dataclass(frozen=True)
 class Metric:
-    """One number with its unit and source; `thesis` is the value of Mîra (2018), where there is one."""
+    """One number with its unit and source; `thesis` is the value of Mîra (2018), `sd` one standard deviation from the
+    fitted moduli, where there is one."""
 
     name: str
     value: float
@@ -19,6 +20,7 @@ class Metric:
     long_name: str
     source: str
     thesis: float | None
+    sd: float | None = None
 
     def __float__(self) -> float:
         return self.value
@@ -50,7 +52,7 @@ class Metrics(Mapping[str, Metric]):
         """A table with the names as index."""
         import pandas
 
-        columns = ["value", "units", "thesis", "long_name", "source"]
+        columns = ["value", "sd", "units", "thesis", "long_name", "source"]
         rows = [[getattr(metric, column) for column in columns] for metric in self.values()]
         return pandas.DataFrame(rows, index=pandas.Index(self, name="name"), columns=columns)
 
@@ -63,9 +65,12 @@ def read_metrics(group: Group) -> Metrics:
     """Reads `/metrics`."""
     columns = [group.texts(name) for name in ("name", "unit", "long_name", "source")]
     values, thesis = group.array("value"), group.array("thesis")
+    # Files of older versions have none.
+    sds = group.array("sd") if "sd" in group else [math.nan] * len(values)
+    known = lambda number: None if math.isnan(number) else float(number)  # noqa: E731
     return Metrics(
         [
-            Metric(name, float(value), unit, long, source, None if math.isnan(other) else float(other))
-            for name, unit, long, source, value, other in zip(*columns, values, thesis, strict=True)
+            Metric(name, float(value), unit, long, source, known(other), known(sd))
+            for name, unit, long, source, value, other, sd in zip(*columns, values, thesis, sds, strict=True)
         ]
     )

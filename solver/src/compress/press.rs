@@ -264,6 +264,11 @@ impl Press<'_> {
                 0.0
             },
             peak_pressure_kpa: pressures.iter().copied().fold(0.0, f64::max),
+            paddle_peak_pressure_kpa: on_paddle
+                .iter()
+                .filter(|p| !p.is_upright(&axis))
+                .map(Pressing::pressure_kpa)
+                .fold(0.0, f64::max),
             contact_pressure_kpa: pressures,
             pressing,
             pose: state.load.pose,

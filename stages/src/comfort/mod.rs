@@ -151,7 +151,7 @@ pub fn face_pressures(compression: &Compression) -> Vec<Weighted> {
 
 impl Stage for Comfort {
     const NAME: &'static str = "comfort";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const METHODS: &'static str = "Comfort is described by the contact pressure by area of the plates' faces, their upright \
          fronts and other edges apart, by the place of the largest one, by the share of the force near the chest wall, by what a \
          virtual pressure mat shows, and by von Mises and principal stresses, largest stretch and largest logarithmic strain by \
@@ -250,6 +250,17 @@ impl Stage for Comfort {
             let long = format!("contact pressure, {:.0} % of the faces' area", 100.0 * share);
             add(&format!("pressure_{word}_kpa"), &long, "kPa", value, None);
         }
+        // Receptor and fronts can hide what the paddle itself does.
+        let face: Vec<Weighted> = on_paddle
+            .iter()
+            .filter(|one| !one.is_upright(&axis))
+            .map(|one| (one.pressure_kpa(), one.face_area(&axis)))
+            .collect();
+        let most = face.iter().map(|one| one.0).fold(0.0, f64::max);
+        let long = "largest contact pressure on the paddle's face";
+        add("paddle_peak_pressure_kpa", long, "kPa", most, None);
+        let long = "contact pressure, 95 % of the area of the paddle's face";
+        add("paddle_pressure_p95_kpa", long, "kPa", percentile(face, 0.95), None);
 
         let ComfortPlan { mat_pitch_mm, mat_threshold_kpa, .. } = self.plan;
         let mat = PressureMat::under_paddle(compression, mat_pitch_mm, mat_threshold_kpa);
@@ -336,6 +347,30 @@ mod tests {
         }
         let found = metric(&pressed, 20.0, "juxtathoracic_share");
         assert!((found - 0.9 / 1.45).abs() < 1e-12, "{found}");
+    }
+
+    /// Neither the receptor nor an upright front counts as the paddle's face.
+    #[test]
+    fn the_face_of_the_paddle_is_apart_from_receptor_and_front() {
+        let mut pressed = mat::tests::pressed();
+        let touched: Vec<usize> =
+            pressed.plates[1].touched().map(|one| one.node as usize).collect();
+        assert!(touched.len() > 50);
+        let [face, front, receptor] = [touched[3], touched[10], touched[20]];
+        let area = |pressed: &Compression, node: usize| pressed.plates[1].area_mm2[node];
+        // 5 kPa down; 50 kPa towards the chest wall; 70 kPa under the receptor.
+        pressed.plates[1].force_mn[face] = Vec3::new(0.0, 0.0, -5.0 * area(&pressed, face));
+        pressed.plates[1].force_mn[front] = Vec3::new(0.0, -50.0 * area(&pressed, front), 0.0);
+        pressed.plates[0].force_mn = vec![Vec3::zeros(); pressed.mesh.points.len()];
+        pressed.plates[0].area_mm2 = vec![0.0; pressed.mesh.points.len()];
+        pressed.plates[0].area_mm2[receptor] = area(&pressed, receptor);
+        pressed.plates[0].force_mn[receptor].z = 70.0 * area(&pressed, receptor);
+        let found = |name: &str| metric(&pressed, 20.0, name);
+        assert!((found("paddle_peak_pressure_kpa") - 5.0).abs() < 1e-12);
+        assert!((found("face_peak_pressure_kpa") - 70.0).abs() < 1e-12);
+        assert!((found("front_peak_pressure_kpa") - 50.0).abs() < 1e-12);
+        // All the rest of the face bears 2 kPa.
+        assert!((found("paddle_pressure_p95_kpa") - 2.0).abs() < 1e-12);
     }
 
     #[test]

@@ -43,7 +43,7 @@ bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
     const METHODS: &'static str = "";
     type Input = (
         BreastMesh,
@@ -203,6 +203,12 @@ fn force_thickness(compression: &Compression) -> Curve {
                 "kPa",
                 "Largest contact pressure",
                 &curve.peak_pressure_kpa,
+            ),
+            column(
+                "paddle_peak_pressure_kpa",
+                "kPa",
+                "Largest contact pressure on the paddle's face",
+                &curve.paddle_peak_pressure_kpa,
             ),
         ],
     }

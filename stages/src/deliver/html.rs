@@ -23,7 +23,9 @@ use crate::{
     register::Registered,
     report::{self, ReportInput},
     results::Provenance,
-    segment, surface,
+    segment,
+    stiffer::Deviations,
+    surface,
     surface::PoseSurfaces,
     validate,
     validate::Validation,
@@ -60,7 +62,7 @@ pub type Squeezed =
 
 impl Stage for Report {
     const NAME: &'static str = "report";
-    const VERSION: u32 = 7;
+    const VERSION: u32 = 8;
     const METHODS: &'static str = "";
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
@@ -98,6 +100,9 @@ impl Stage for Report {
         self.fit(&mut input, calibration, fiducials);
         if let (Some(compression), Some(phantom), Some(made)) = (compression, phantom, mammograms) {
             input.mammograms = sections::mammograms(compression, phantom, made);
+        }
+        if input.metrics.iter().any(|metric| metric.sd.is_some()) {
+            input.methods.push(Deviations::METHODS.into());
         }
         if let (Some(part), Some(course)) = (&mut input.compression, clamping::of(metrics)) {
             part.curves.extend(clamping::charts(course));

@@ -314,11 +314,12 @@ pub fn compression(compression: &Compression) -> CompressionReport {
                 vec![line("paddle", &curve.force_n), line("receptor", &curve.receptor_force_n)],
             ),
             chart(
-                "Pressure under the paddle",
+                "Pressure of the plates",
                 "pressure (kPa)",
                 vec![
                     line("mean", &curve.mean_pressure_kpa),
-                    line("largest", &curve.peak_pressure_kpa),
+                    line("largest, its face", &curve.paddle_peak_pressure_kpa),
+                    line("largest, both plates with fronts", &curve.peak_pressure_kpa),
                 ],
             ),
         ],
@@ -392,7 +393,7 @@ pub fn headlines(
     }
     let wanted = [
         ("force_n", "Compression force"),
-        ("peak_pressure_kpa", "Largest pressure"),
+        ("peak_pressure_kpa", "Largest pressure, fronts too"),
         ("agd_mgy", "Average glandular dose"),
     ];
     for (name, words) in wanted {

@@ -257,7 +257,11 @@ impl<'a> Row<'a> {
         let Metric { name, long_name, source, .. } = metric;
         let unit = metric.unit.replace("m2", "m²");
         let thesis = metric.thesis.map_or_else(|| "–".into(), significant);
-        Self { name, long_name, unit, value: significant(metric.value), thesis, source }
+        let value = match metric.sd {
+            Some(sd) => format!("{} ± {}", significant(metric.value), significant(sd)),
+            None => significant(metric.value),
+        };
+        Self { name, long_name, unit, value, thesis, source }
     }
 }
 
