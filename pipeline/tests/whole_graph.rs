@@ -179,6 +179,7 @@ fn the_tiny_volunteer_runs_again_only_where_it_must_and_to_the_same_bits() {
     // And back again: all is still there.
     fs::write(&study, &text).unwrap();
     assert_eq!(computed(&study, "2"), 0);
+    comfort_has_its_deviations(&study, &text);
     what_is_held_out_is_read_by_no_fit(&study);
     what_has_no_place_in_the_breast_is_refused(&study, &text);
     gland_follows_the_labels(&study, &text);
@@ -286,6 +287,33 @@ fn places_of_tissue_are_carried(study: &Path, truth: &Path) {
     }
     let text = printed(&[&["map", study], &inside[..]].concat());
     assert!(text.contains("mammogram     column") && text.contains("stress_free"), "{text}");
+}
+
+/// Stiffer breasts bear more at the same thickness: the map has computed them already, only metrics change.
+fn comfort_has_its_deviations(study: &Path, text: &str) {
+    fs::write(study, format!("{text}\n[comfort]\nuncertainty = true\n")).unwrap();
+    let planned = planned(study);
+    assert_eq!(planned[0], "deviations", "{planned:?}");
+    assert!(!planned.iter().any(|name| name == "stiffer" || name == "compress"), "{planned:?}");
+    assert_eq!(computed(study, "2"), planned.len());
+    let file = hdf5::Reader::open(study.with_file_name("out").join("results.h5")).unwrap();
+    let names = file.texts("metrics/name").unwrap();
+    let [values, deviations] =
+        ["metrics/value", "metrics/sd"].map(|name| file.get::<f64>(name).unwrap());
+    let of = |name: &str| {
+        let n = names.iter().position(|known| known == name).unwrap();
+        (values[n], deviations[n])
+    };
+    for name in ["force_n", "mean_pressure_kpa", "peak_pressure_kpa", "von_mises_p95_kpa"] {
+        let (value, sd) = of(name);
+        println!("{name}: {value:.4} ± {sd:.4}");
+        assert!(sd > 0.0 && sd < value, "{name}: {value} ± {sd}");
+    }
+    // The thickness is given; the dose rests on no modulus that was changed here.
+    assert!(of("thickness_mm").1 < 0.01 && of("agd_mgy").1.is_nan());
+    drop(file);
+    fs::write(study, text).unwrap();
+    assert_eq!(computed(study, "2"), 0);
 }
 
 /// Another image and other landmarks of the held-out pose change what is made of that pose, and nothing that was fitted.

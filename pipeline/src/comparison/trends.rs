@@ -134,7 +134,7 @@ fn kind(paddle: PaddleName) -> Option<&'static str> {
 }
 
 /// What the breast bears beyond the juxtathoracic region at the end: its share of the paddle's force, and the mean
-/// pressure there (kPa).
+/// pressure there (kPa; NaN where the paddle touches nothing beyond).
 fn on_the_breast(compression: &Compression, juxtathoracic_mm: f64) -> Option<[f64; 2]> {
     let axis = mammotwin_data::Vec3::z();
     let [mut all, mut beyond, mut area] = [0.0; 3];
@@ -146,7 +146,7 @@ fn on_the_breast(compression: &Compression, juxtathoracic_mm: f64) -> Option<[f6
             area += one.face_area(&axis);
         }
     }
-    (all > 0.0 && area > 0.0).then(|| [beyond / all, beyond / area])
+    (all > 0.0).then(|| [beyond / all, beyond / area])
 }
 
 /// All published numbers that something of ours stands beside.
@@ -241,7 +241,14 @@ fn flexible_agreements(all: &mut Vec<Agreement>, found: &[(&Way, &Found)], juxta
             let what = "share of the force on the breast: flexible over rigid";
             let row = Agreement::new(what, f, number(f.value / r.value), &way.label);
             let ours = share_f / share_r;
-            all.push(row.is(number(ours), Some(is_near(ours, f.value / r.value))));
+            all.push(if share_r > 0.0 {
+                row.is(number(ours), Some(is_near(ours, f.value / r.value)))
+            } else {
+                row.is(
+                    format!("nothing rests beyond {juxtathoracic_mm} mm under the rigid one"),
+                    None,
+                )
+            });
         }
         let pressures = ["rigid", "flexible"].map(|kind| of("breast_mean_pressure", kind));
         let limits = ["difference_low", "difference_high"].map(|name| of(name, "flexible"));
@@ -252,7 +259,9 @@ fn flexible_agreements(all: &mut Vec<Agreement>, found: &[(&Way, &Found)], juxta
             let row = Agreement::new(what, f, text, &way.label);
             let forces = [rigid, one].map(|f| f.metric("force_n"));
             let ours = kpa_f / kpa_r;
-            all.push(if (forces[1] / forces[0] - 1.0).abs() <= SAME_FORCE {
+            all.push(if !ours.is_finite() {
+                row.is(format!("not both touch anything beyond {juxtathoracic_mm} mm"), None)
+            } else if (forces[1] / forces[0] - 1.0).abs() <= SAME_FORCE {
                 row.is(format!("{ours:.2}"), Some((least..=most).contains(&ours)))
             } else {
                 let [a, b] = forces.map(number);
