@@ -41,6 +41,8 @@ pub enum Contrast {
     DarkGland,
     /// Fat suppressed: fat is darker than all but air and lung.
     FatSuppressed,
+    /// The same with fat of so many per cent of the brightest tissue; muscle has 45.
+    FatAt(u8),
 }
 
 /// Signed distance (mm, first order) to the front of the muscle; positive outside.
@@ -97,6 +99,7 @@ fn signal(p: &Vec3, gland: Gland, contrast: Contrast) -> f64 {
         Contrast::BrightFat => [1.0, 0.42, 0.36, 0.17],
         Contrast::DarkGland => [1.0, 0.2, 0.36, 0.17],
         Contrast::FatSuppressed => [0.18, 1.0, 0.55, 0.45],
+        Contrast::FatAt(percent) => [f64::from(percent) / 100.0, 1.0, 0.55, 0.45],
     };
     match tissue(p, gland) {
         Tissue::Background => 0.0,

@@ -19,6 +19,7 @@ mod filter;
 mod frame;
 mod label;
 mod limits;
+mod plausible;
 mod polar;
 mod rear;
 mod scribble;
@@ -168,6 +169,10 @@ pub fn segment_marked(
 
     progress.report(0.5, "chest wall");
     let wall = wall::find(&work, &shaded, &body, &marks).ok_or(SegmentError::NoChestWall)?;
+    // What a person marked may have another contrast, and holds.
+    if scribbles.is_none() && !plausible::muscle_behind_fat(&wall, &shaded) {
+        return Err(SegmentError::NoChestWall);
+    }
 
     progress.report(0.7, "breast limits");
     let limits = limits::find(&wall).ok_or(SegmentError::NoBreast)?;

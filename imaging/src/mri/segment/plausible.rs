@@ -1,0 +1,43 @@
+//! Whether the wall that was found can be one: a contrast that the method does not know yields a surface, too.
+
+use super::body::median;
+use super::shading::Shaded;
+use super::wall::Wall;
+
+/// Half width (rad) of the front of the chest that is looked at.
+const FRONT: f64 = 60.0 * std::f64::consts::PI / 180.0;
+/// Behind less tissue than this (mm) lies hardly any fat.
+const THICK_MM: f32 = 14.0;
+/// Depth (mm) under the surface at which fat is looked at: behind the skin.
+const UNDER_SKIN_MM: f32 = 9.0;
+/// Brightness of what lies just before the wall over that of what lies under the skin: both are fat.
+const ALIKE: [f64; 2] = [0.7, 1.25];
+/// The rear of the muscle shows on this part of the wall at least: on 0.24 and more of sound ones, on 0.07 and
+/// less where fat was suppressed (two real scans, drawn chests).
+const REAR_SEEN: f64 = 0.1;
+
+/// Whether fat lies just before the wall, and muscle with fat or ribs behind it.
+///
+/// Where fat is suppressed, the step from muscle to lung looks like one from fat to muscle. Then what lies before
+/// it is muscle, brighter than the fat under the skin; and lung behind it has no rear that gets brighter.
+pub(super) fn muscle_behind_fat(wall: &Wall, shaded: &Shaded) -> bool {
+    let ratio = |column: usize| {
+        let thick = wall.surface[column] - wall.front[column];
+        let from_front = (wall.polar.angle(column) - std::f64::consts::FRAC_PI_2).abs();
+        if thick < THICK_MM || from_front > FRONT {
+            return None;
+        }
+        let sum = |from: f32| {
+            let at = (0..5).map(|n| f64::from(from + 0.5 * n as f32));
+            let values = at.filter_map(|radius| shaded.at(&wall.polar.point(column, radius)));
+            values.map(f64::from).sum::<f64>()
+        };
+        let inner = sum(wall.front[column] + 2.0);
+        let outer = sum(wall.surface[column] - UNDER_SKIN_MM);
+        (outer > 0.0).then(|| inner / outer)
+    };
+    let mut ratios: Vec<f64> = (0..wall.polar.len()).filter_map(ratio).collect();
+    // Without enough tissue in front of the wall this says nothing.
+    let found = median(&mut ratios).unwrap_or(1.0);
+    (ALIKE[0]..=ALIKE[1]).contains(&found) && wall.rear_seen >= REAR_SEEN
+}

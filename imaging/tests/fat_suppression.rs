@@ -1,0 +1,39 @@
+//! Chests with suppressed fat: segmented, or refused; never labels that are wrong.
+
+#![allow(clippy::unwrap_used)] // a test may fail at once
+
+mod phantom;
+
+use mammotwin_data::{labels::Tissue, progress::Silent, rigid::RigidTransform};
+use mammotwin_imaging::mri::segment::{Options, SegmentError, segment};
+use phantom::{Contrast, Gland, dice, is_gland, picture_of};
+
+/// From fat in the noise to fat that is nearly as bright as muscle (45), each either divided as it was made
+/// or refused.
+#[test]
+fn suppressed_fat_of_any_brightness_is_divided_or_refused() {
+    let mut wrong = Vec::new();
+    for percent in [5, 10, 18, 26, 34, 42, 50] {
+        let still = RigidTransform::identity();
+        let (image, truth) = picture_of(Contrast::FatAt(percent), 3.0, Gland::Retracted, &still);
+        match segment(&image, &Options::default(), &Silent) {
+            Err(why) => {
+                println!("fat {percent}: {why}");
+                assert_eq!(why, SegmentError::NoChestWall);
+            }
+            Ok(found) => {
+                let of = |part: fn(Tissue) -> bool| dice(&found.labels, &truth, part);
+                let breast = of(Tissue::is_breast);
+                let muscle = of(|tissue| tissue == Tissue::PectoralMuscle);
+                let gland = of(is_gland);
+                println!(
+                    "fat {percent}: breast {breast:.3}, muscle {muscle:.3}, gland {gland:.3}, {:?}",
+                    found.warnings
+                );
+                let well = breast > 0.9 && muscle > 0.75 && gland > 0.75;
+                wrong.extend((!well).then_some(percent));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "fat of {wrong:?} per cent is divided wrongly");
+}
