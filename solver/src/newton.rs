@@ -55,7 +55,8 @@ const SHORTEST: f64 = 1e-6;
 const ROUNDING: f64 = 1e-13;
 /// Part of a load step over which the change of forces is differenced.
 const NEARBY: f64 = 1e-5;
-/// A step that only rounding would notice ends the search below this multiple of the residual.
+/// A step that only rounding would notice, or that leads nowhere lower, ends the search below this multiple of the
+/// residual.
 const NEARLY: f64 = 100.0;
 /// Part of the diagonal of the stiffness that is rounding.
 const NOTHING: f64 = 1e-9;
@@ -213,6 +214,8 @@ impl Newton {
                     let longest = if share > 0.0 { stride(&direction) } else { 1.0 };
                     match self.search(model, state, energy, &direction, longest) {
                         Ok(found) => break found,
+                        // Stiff tissue at rest: its energy is too small for `rounding` to tell.
+                        Err(_) if nearly => return Ok(iteration),
                         Err(cause) => {
                             tracing::trace!(share, longest, ?cause, "no step goes down");
                             ran_into = cause;

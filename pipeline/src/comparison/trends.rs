@@ -128,7 +128,7 @@ fn is_near(ours: f64, published: f64) -> bool {
 fn kind(paddle: PaddleName) -> Option<&'static str> {
     match paddle {
         PaddleName::Rigid => Some("rigid"),
-        PaddleName::Flex | PaddleName::Elastic => Some("flexible"),
+        PaddleName::Flex => Some("flexible"),
         _ => None,
     }
 }
