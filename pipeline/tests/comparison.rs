@@ -90,7 +90,9 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
         assert!(!of("fall of thickness").is_empty(), "{trends}");
     }
     // A plate that bends is none of the published flexible paddles, which turn.
-    assert!(trends.contains("rigid,\"force over contact area") && !trends.contains("flexible over"));
+    assert!(
+        trends.contains("rigid,\"force over contact area") && !trends.contains("flexible over")
+    );
 
     // All is there: the same files.
     let before = fs::read(place.join("paddles.csv")).unwrap();
