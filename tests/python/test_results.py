@@ -58,7 +58,7 @@ def test_the_compressed_breast_lies_where_the_poses_lie(file):
 
 def test_every_number_is_finite(file):
     for name, dataset in datasets(file).items():
-        if dataset.dtype.kind == "f" and name != "metrics/thesis":
+        if dataset.dtype.kind == "f" and name not in ("metrics/thesis", "metrics/sd"):
             assert np.isfinite(dataset[()]).all(), name
 
 
