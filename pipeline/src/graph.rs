@@ -11,7 +11,7 @@ use mammotwin_data::{
     Failure,
     io::dicom::Intent,
     store::{Entry, Run, Stored},
-    study::{ComfortPlan, CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
+    study::{CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
     surface::TriMesh,
 };
 use mammotwin_stages::{
@@ -382,8 +382,7 @@ pub(crate) fn stiffer(
         reference: reference.clone(),
         poses: names,
         compress: plan.map(|plan| plan.without_files().without_clamp()),
-        // Whether it is asked for changes nothing here.
-        comfort: ComfortPlan { uncertainty: false, ..study.comfort },
+        comfort: study.comfort.without_uncertainty(),
     };
     let first = &measured.images[reference].surfaces;
     let measured = (first, &motions[..], &surfaces[..]);
@@ -405,8 +404,7 @@ fn squeeze(
     let elastic = plan.clone().without_files().without_clamp();
     let compress = Compress { model: study.model.clone(), plan: elastic };
     let compression = run.stage(label, &compress, (mesh, calibration, cad.as_ref()))?;
-    // Standard deviations are added later.
-    let comfort = Comfort { plan: ComfortPlan { uncertainty: false, ..study.comfort } };
+    let comfort = Comfort { plan: study.comfort.without_uncertainty() };
     let mut metrics = vec![run.stage(label, &comfort, &compression)?];
     if let Some(clamp) = &plan.clamp {
         metrics.push(run.stage(label, &Clamp { plan: clamp.clone() }, &compression)?);

@@ -5,7 +5,7 @@
 use std::{
     collections::BTreeMap,
     fs,
-    path::Path,
+    path::{Path, PathBuf},
     process::{Command, Output},
 };
 
@@ -38,10 +38,7 @@ fn rows(path: &Path) -> BTreeMap<String, BTreeMap<String, String>> {
 #[test]
 fn one_breast_is_compressed_in_several_ways_and_only_once() {
     let folder = tempfile::tempdir().unwrap();
-    let volunteer = folder.path().join("volunteer");
-    let out = volunteer.to_str().unwrap();
-    printed(&["synth", "--preset", "tiny", "--seed", "7", "--poses", "prone,supine", "--out", out]);
-    let study = volunteer.join("study.toml");
+    let study = volunteer(folder.path());
     let text = fs::read_to_string(&study).unwrap();
     fs::write(
         &study,
@@ -53,7 +50,7 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
     let paddles = ["study", "paddles", study, "--paddles", "rigid,elastic,curved", "--no-picture"];
     let said = printed(&paddles);
     assert!(!said.starts_with("0 of "), "{said}");
-    let place = volunteer.join("out/studies/paddles");
+    let place = folder.path().join("volunteer/out/studies/paddles");
     let table = rows(&place.join("paddles.csv"));
     assert_eq!(table.len(), 3);
     let number = |way: &str, name: &str| table[way][name].parse::<f64>().unwrap();
@@ -136,7 +133,9 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
         "--no-picture",
     ]);
     assert!(said.contains("rigid_190mm") && said.contains("failed"), "{said}");
-    let table = fs::read_to_string(volunteer.join("out/studies/positions/positions.csv")).unwrap();
+    let table =
+        fs::read_to_string(folder.path().join("volunteer/out/studies/positions/positions.csv"))
+            .unwrap();
     assert_eq!(table.lines().count(), 4, "{table}");
 
     let unknown = mammotwin(&["study", "paddles", study, "--paddles", "soft"]);
@@ -223,16 +222,13 @@ fn lines(path: &Path) -> Vec<BTreeMap<String, String>> {
 #[test]
 fn the_error_of_the_model_is_mapped_without_a_hole_and_only_once() {
     let folder = tempfile::tempdir().unwrap();
-    let volunteer = folder.path().join("volunteer");
-    let out = volunteer.to_str().unwrap();
-    printed(&["synth", "--preset", "tiny", "--seed", "7", "--poses", "prone,supine", "--out", out]);
-    let study = volunteer.join("study.toml");
+    let study = volunteer(folder.path());
     let study = study.to_str().unwrap();
     let asked = ["study", "sensitivity", study, "--breast", "0.2,0.4,1", "--skin", "4,20"];
     let asked = [&asked[..], &["--fascia", "120"]].concat();
     let said = printed(&asked);
     assert!(said.contains("6 sets of moduli, 0 without an equilibrium"), "{said}");
-    let place = volunteer.join("out/studies/sensitivity");
+    let place = folder.path().join("volunteer/out/studies/sensitivity");
     let errors = lines(&place.join("errors.csv"));
     assert_eq!(errors.len(), 12);
     let of = |breast: &str, skin: &str, column: &str| -> f64 {
@@ -271,6 +267,14 @@ fn the_error_of_the_model_is_mapped_without_a_hole_and_only_once() {
     assert!(String::from_utf8_lossy(&refused.stderr).contains("--skin"));
 }
 
+/// Makes a person; returns her study.
+fn volunteer(folder: &Path) -> PathBuf {
+    let volunteer = folder.join("volunteer");
+    let out = volunteer.to_str().unwrap();
+    printed(&["synth", "--preset", "tiny", "--seed", "7", "--poses", "prone,supine", "--out", out]);
+    volunteer.join("study.toml")
+}
+
 /// Writes the study of a volunteer again, with elements of a size, pressed from the prone shape.
 fn meshed(study: &Path, size_mm: f64, name: &str) -> String {
     let text = fs::read_to_string(study).unwrap();
@@ -300,13 +304,10 @@ fn course(out: &Path) -> impl Fn(f64) -> f64 + use<> {
 #[ignore = "ten minutes: fourteen compressions, twelve of them on a finer mesh"]
 fn the_force_of_the_left_breast_lies_in_what_the_right_one_foretells() {
     let folder = tempfile::tempdir().unwrap();
-    let volunteer = folder.path().join("volunteer");
-    let out = volunteer.to_str().unwrap();
-    printed(&["synth", "--preset", "tiny", "--seed", "7", "--poses", "prone,supine", "--out", out]);
-    let study = volunteer.join("study.toml");
+    let study = volunteer(folder.path());
     let right = meshed(&study, 11.0, "truth.toml");
     let model = meshed(&study, 8.0, "model.toml");
-    let left = volunteer.join("left.toml");
+    let left = study.with_file_name("left.toml");
     let text = fs::read_to_string(&right).unwrap();
     let turned = text.replace("side = \"right\"", "side = \"left\"");
     assert_ne!(turned, text);
@@ -355,10 +356,7 @@ fn the_force_of_the_left_breast_lies_in_what_the_right_one_foretells() {
 #[ignore = "three minutes: fifteen compressions on a finer mesh"]
 fn a_hidden_stretch_limit_and_place_lie_in_the_intervals_of_another_mesh() {
     let folder = tempfile::tempdir().unwrap();
-    let volunteer = folder.path().join("volunteer");
-    let out = volunteer.to_str().unwrap();
-    printed(&["synth", "--preset", "tiny", "--seed", "7", "--poses", "prone,supine", "--out", out]);
-    let study = volunteer.join("study.toml");
+    let study = volunteer(folder.path());
     let truth = meshed(&study, 11.0, "truth.toml");
     let model = meshed(&study, 8.0, "model.toml");
     let hidden = (1.3, 13.0);

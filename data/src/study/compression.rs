@@ -374,3 +374,11 @@ impl Default for ComfortPlan {
         }
     }
 }
+
+impl ComfortPlan {
+    /// What is measured on a compression, without whether a second one gives it a deviation: asking for that changes
+    /// no measure.
+    pub fn without_uncertainty(self) -> Self {
+        Self { uncertainty: false, ..self }
+    }
+}

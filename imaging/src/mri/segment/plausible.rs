@@ -27,14 +27,14 @@ pub(super) fn muscle_behind_fat(wall: &Wall, shaded: &Shaded) -> bool {
         if thick < THICK_MM || from_front > FRONT {
             return None;
         }
+        // Nothing where a part of it lies outside of the image.
         let sum = |from: f32| {
             let at = (0..5).map(|n| f64::from(from + 0.5 * n as f32));
-            let values = at.filter_map(|radius| shaded.at(&wall.polar.point(column, radius)));
-            values.map(f64::from).sum::<f64>()
+            at.map(|radius| shaded.at(&wall.polar.point(column, radius)).map(f64::from)).sum()
         };
-        let inner = sum(wall.front[column] + 2.0);
-        let outer = sum(wall.surface[column] - UNDER_SKIN_MM);
-        (outer > 0.0).then(|| inner / outer)
+        let inner: Option<f64> = sum(wall.front[column] + 2.0);
+        let outer: Option<f64> = sum(wall.surface[column] - UNDER_SKIN_MM);
+        inner.zip(outer).filter(|(_, outer)| *outer > 0.0).map(|(inner, outer)| inner / outer)
     };
     let mut ratios: Vec<f64> = (0..wall.polar.len()).filter_map(ratio).collect();
     // Without enough tissue in front of the wall this says nothing.
