@@ -40,6 +40,22 @@ pub struct Compress {
     pub plan: CompressPlan,
 }
 
+/// Where a compression begins.
+#[derive(Debug, Clone, Copy)]
+pub struct Start<'a> {
+    /// Nodes (mm) where the body is free of stress.
+    pub rest: &'a [Vec3],
+    /// Nodes (mm) where it hangs by its weight, and the unit vector of gravity there, which goes on acting.
+    pub hanging: Option<(&'a [Vec3], Vec3)>,
+}
+
+impl<'a> Start<'a> {
+    /// Begins free of stress and without weight.
+    pub fn free(rest: &'a [Vec3]) -> Self {
+        Self { rest, hanging: None }
+    }
+}
+
 /// The course of a compression.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Course {
@@ -181,7 +197,8 @@ impl Stage for Compress {
     const VERSION: u32 = 9;
     const METHODS: &'static str = "The breast was compressed between two plates, flat, frictionless and fixed in their direction \
          unless stated otherwise, their rounded edges along the chest wall under it, the paddle as large as its outline, from its stress-free shape and without gravity (the thesis \
-         neglects its prestress, too); a share of the weight of an upright person acts where stated.";
+         neglects its prestress, too); a share of the weight of an upright person, or weight and stress of a \
+         lying one, act where stated.";
     /// The surface is that of a paddle from CAD.
     type Input = (BreastMesh, Calibration, Option<TriMesh>);
     type Output = Compression;
@@ -192,18 +209,23 @@ impl Stage for Compress {
         progress: &dyn Progress,
     ) -> Result<Compression, Failure> {
         let body = Body { mesh: &whole.corners(), ..Body::new(whole, &self.model) };
-        let (rest, moduli) = (self.start(&calibration.after)?, calibration.after.moduli);
-        self.press(&body, rest, moduli, cad.as_ref(), progress)
+        let (start, moduli) = (self.start(&calibration.after)?, calibration.after.moduli);
+        self.press(&body, &start, moduli, cad.as_ref(), progress)
     }
 }
 
 impl Compress {
-    /// Nodes of the shape that is taken for free of stress.
-    pub(crate) fn start<'a>(&self, fit: &'a Fit) -> Result<&'a [Vec3], Failure> {
-        let Some(name) = &self.plan.start_pose else { return Ok(&fit.rest) };
-        let fit = fit.poses.iter().find(|fit| fit.pose == *name);
-        fit.map(|fit| &fit.solution.points[..]).ok_or_else(|| {
+    /// Where the compression begins, by what was calibrated.
+    pub(crate) fn start<'a>(&self, fit: &'a Fit) -> Result<Start<'a>, Failure> {
+        let Some(name) = &self.plan.start_pose else { return Ok(Start::free(&fit.rest)) };
+        let pose = fit.poses.iter().find(|fit| fit.pose == *name).ok_or_else(|| {
             Failure::BadInput(format!("compress.start_pose: {name} was not simulated"))
+        })?;
+        let points = &pose.solution.points[..];
+        Ok(if self.plan.prestress {
+            Start { rest: &fit.rest, hanging: Some((points, pose.gravity)) }
+        } else {
+            Start::free(points)
         })
     }
 }

@@ -115,7 +115,7 @@ impl Stage for Stiffer {
         let compress = Compress { model: self.model.clone(), plan: plan.clone() };
         let body = Body { mesh: &mesh.corners(), ..Body::new(mesh, &self.model) };
         let pressed =
-            compress.press(&body, compress.start(&fit)?, moduli, cad.as_ref(), &plates)?;
+            compress.press(&body, &compress.start(&fit)?, moduli, cad.as_ref(), &plates)?;
         let shapes = Shapes::of(&fit, Some(&pressed));
         let deviation = match plan.side {
             Side::Right => calibration.precision.right,

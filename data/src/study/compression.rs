@@ -263,6 +263,10 @@ pub struct CompressPlan {
     /// Pose, simulated by the calibration, whose shape is taken for free of stress, as the thesis
     /// takes the prone one; the stress-free shape when absent.
     pub start_pose: Option<String>,
+    /// Whether the stress and the weight of [`Self::start_pose`] are kept: the breast goes on hanging while it
+    /// is compressed, as on a table for prone biopsies. Without it that shape is free of stress.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub prestress: bool,
     /// Paddle.
     #[serde(default)]
     pub paddle: PaddleName,
@@ -304,6 +308,13 @@ pub struct CompressPlan {
     /// doubles all moduli.
     #[serde(default, skip_serializing_if = "none")]
     pub rate_stiffening: f64,
+}
+
+impl CompressPlan {
+    /// The pose whose shape is taken for free of stress.
+    pub fn free_of_stress(&self) -> Option<String> {
+        self.start_pose.clone().filter(|_| !self.prestress)
+    }
 }
 
 /// Numbers that change nothing are left out of what is written: keys of earlier results stay.

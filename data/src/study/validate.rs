@@ -314,9 +314,15 @@ fn compress(plan: &CompressPlan) -> Checked {
 
 /// A pose to start from is one that the calibration simulates.
 fn start(study: &Study) -> Checked {
-    let Some(name) = study.compress.as_ref().and_then(|plan| plan.start_pose.as_ref()) else {
-        return Ok(());
+    let Some(plan) = &study.compress else { return Ok(()) };
+    let Some(name) = &plan.start_pose else {
+        let why = "needs compress.start_pose, the pose whose stress and weight are kept; name it, or remove this";
+        return if plan.prestress { refuse("compress.prestress", why) } else { Ok(()) };
     };
+    if plan.prestress && plan.gravity_share > 0.0 {
+        let why = "is the weight of an upright person, whom compress.prestress leaves lying; remove one of the two";
+        return refuse("compress.gravity_share", why);
+    }
     match study.poses.get(name) {
         Some(pose) if pose.usage == Use::Fit => Ok(()),
         Some(_) => {

@@ -168,6 +168,12 @@ fn the_chest_wall_has_a_contact_for_each_region() {
     let fold = "paddle = \"rigid\"\nreceptor = \"fold\"";
     let plan = parse(&GOOD.replacen("paddle = \"rigid\"", fold, 1)).unwrap().compress.unwrap();
     assert_eq!(plan.receptor, ReceptorName::Fold);
+    let kept = "start_pose = \"prone\"\nprestress = true";
+    let plan = parse(&GOOD.replacen("paddle = \"rigid\"", kept, 1)).unwrap().compress.unwrap();
+    assert!(plan.prestress && plan.free_of_stress().is_none());
+    refused("paddle = \"rigid\"", "prestress = true", &["compress.prestress", "start_pose"]);
+    let twice = format!("{kept}\ngravity_share = 0.5");
+    refused("paddle = \"rigid\"", &twice, &["compress.gravity_share", "prestress"]);
     let oblique = "view = \"mlo\"\nreceptor = \"fold\"";
     refused("view = \"cc\"", oblique, &["compress.receptor", "cranio-caudal"]);
     let soft = "paddle = \"flex\"\nhinge = { linear_n_mm_per_rad = 0.0 }";

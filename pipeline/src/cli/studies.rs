@@ -240,11 +240,14 @@ pub struct SearchBoxArguments {
 
 const SEGMENTATION_HELP: &str = "\
 Makes digital volunteers (supine, prone, tilted), segments each image without help and compares
-labels and surfaces with the truth. Volunteers that are there already are used again.
+labels and surfaces with the truth. Volunteers that are there already are used again, and the table is
+written after each person.
 
 Examples:
   mammotwin study segmentation --out runs/segmentation --presets tiny
-  mammotwin study segmentation --presets small --voxel-mm 1 --seeds 21,22,23";
+  mammotwin study segmentation --presets small --voxel-mm 1 --seeds 21,22,23
+  mammotwin study segmentation --presets tiny --without-landmarks
+  mammotwin study segmentation --presets small,large --voxel-mm 0.5,0.5,0.6 --poses prone";
 
 /// The study of the segmentation.
 #[derive(Debug, Clone, Args)]
@@ -266,6 +269,12 @@ pub struct SegmentationArguments {
     /// Edge of the voxels (mm), one number or three [default: the preset's]
     #[arg(long, value_name = "MM", value_delimiter = ',')]
     pub voxel_mm: Vec<f64>,
+    /// How the persons lie
+    #[arg(long, value_name = "POSE", value_delimiter = ',', default_value = "supine,prone,tilted")]
+    pub poses: Vec<String>,
+    /// Find the axes of the body from the images, as for people without marks on the chest
+    #[arg(long)]
+    pub without_landmarks: bool,
 }
 
 const SENSITIVITY_HELP: &str = "\

@@ -1,16 +1,20 @@
 //! `mammotwin study segmentation`: found against true labels of digital volunteers.
 
-use super::{synth::voxels, volunteer::made, write};
+use super::{
+    synth::{named_poses, voxels},
+    volunteer::made,
+    write,
+};
 use crate::{
     cli::SegmentationArguments,
     display::Task,
-    segmentation::{Measured, Scanned, markdown, measure, page, table},
+    segmentation::{Scanned, Seen, markdown, measure, page, table},
 };
 use mammotwin_data::{
     Failure, Vec3,
     io::{landmarks, nifti},
     labels::LabelMap,
-    progress::Progress,
+    progress::{Progress, Silent},
     rigid::RigidTransform,
     volume::Volume,
 };
@@ -24,16 +28,20 @@ use mammotwin_stages::{
 };
 use std::{collections::BTreeMap, fs, path::Path};
 
-/// The poses that are taken.
-const POSES: [PoseName; 3] = [PoseName::Supine, PoseName::Prone, PoseName::Tilted];
-
-/// Makes the volunteers that are not there, segments every image and writes `segmentation.csv`,
-/// `segmentation.md`, `index.html` and `PRESET_POSE.png` of the first volunteer of each kind.
+/// Makes the volunteers that are not there, segments every image and writes `segmentation.csv` (after
+/// each person), `segmentation.md`, `index.html` and `PRESET_POSE.png` of the first of each kind.
 pub fn segmentation(arguments: &SegmentationArguments) -> Result<(), Failure> {
     if arguments.seeds.is_empty() || arguments.presets.is_empty() {
         return Err(Failure::Usage("give at least one of --seeds and of --presets".into()));
     }
     let voxel_mm = voxels(&arguments.voxel_mm)?;
+    let poses = named_poses(&arguments.poses)?;
+    let marked = !arguments.without_landmarks;
+    if !marked && poses.first() != Some(&PoseName::Supine) {
+        let why =
+            "--without-landmarks compares the images with the supine one; name it first in --poses";
+        return Err(Failure::Usage(why.into()));
+    }
     let out = &arguments.out;
     fs::create_dir_all(out).map_err(|cause| Failure::io(out, cause))?;
     let task = Task::new("segmentation");
@@ -48,7 +56,7 @@ pub fn segmentation(arguments: &SegmentationArguments) -> Result<(), Failure> {
                 preset: preset.clone(),
                 seed,
                 voxel_mm,
-                poses: POSES.to_vec(),
+                poses: poses.clone(),
                 hidden: BTreeMap::new(),
                 still: false,
                 elements: None,
@@ -56,21 +64,35 @@ pub fn segmentation(arguments: &SegmentationArguments) -> Result<(), Failure> {
                 out_dir: folder.clone(),
             })?;
             let truth = Truth::load(&folder.join("truth/truth.json"))?;
-            for pose in POSES {
-                let (image, known, found, measured) = one(&folder, &truth, pose)?;
+            let mut supine = None;
+            for &pose in &poses {
+                let scan = Scan::read(&folder, pose)?;
+                let start = match (&supine, marked) {
+                    (Some((image, labels)), false) => {
+                        let images =
+                            (Volume::clone(image), LabelMap::clone(labels), scan.image.clone());
+                        Start::of_images(&images, &Silent)?.transform
+                    }
+                    (None, false) => RigidTransform::identity(),
+                    (_, true) => marked_start(&folder, pose)?,
+                };
+                let Seen { measured, labels: found } = scan.measured(start, &truth, pose)?;
                 if seed == arguments.seeds[0] {
                     let name = format!("{preset}_{}.png", pose.name());
-                    write(&out.join(&name), picture(&image, &found, &known).png())?;
+                    write(&out.join(&name), picture(&scan.image, &found, &scan.labels).png())?;
                     let caption =
                         format!("{preset}, seed {seed}, {}: found above, true below", pose.name());
                     pictures.push((caption, name));
                 }
                 all.push(measured);
+                if pose == PoseName::Supine {
+                    supine = Some((scan.image, found));
+                }
             }
+            write(&out.join("segmentation.csv"), table(&all))?;
             done += 1.0;
         }
     }
-    write(&out.join("segmentation.csv"), table(&all))?;
     write(&out.join("segmentation.md"), markdown(&all))?;
     write(&out.join("index.html"), page(&all, &pictures))?;
     drop(task);
@@ -79,25 +101,40 @@ pub fn segmentation(arguments: &SegmentationArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Image, true and found labels of a pose, and how near they are.
-fn one(
-    folder: &Path,
-    truth: &Truth,
-    pose: PoseName,
-) -> Result<(Volume<f32>, LabelMap, LabelMap, Measured), Failure> {
-    let image = nifti::read(&folder.join(format!("{}.nii.gz", pose.name())))?;
-    let known = nifti::read_labels(&folder.join(format!("truth/{}_labels.nii.gz", pose.name())))?;
+/// Image of a pose and its true labels.
+struct Scan {
+    image: Volume<f32>,
+    labels: LabelMap,
+}
+
+impl Scan {
+    fn read(folder: &Path, pose: PoseName) -> Result<Self, Failure> {
+        let name = pose.name();
+        let image = nifti::read(&folder.join(format!("{name}.nii.gz")))?;
+        let labels = nifti::read_labels(&folder.join(format!("truth/{name}_labels.nii.gz")))?;
+        Ok(Self { image, labels })
+    }
+
+    /// What is found in it, and how near that is.
+    fn measured(
+        &self,
+        start: RigidTransform,
+        truth: &Truth,
+        pose: PoseName,
+    ) -> Result<Seen, Failure> {
+        let pose = pose.name();
+        measure(&Scanned { image: &self.image, start, labels: &self.labels, truth, pose })
+    }
+}
+
+/// Motion of a pose to the supine one by the landmarks of both.
+fn marked_start(folder: &Path, pose: PoseName) -> Result<RigidTransform, Failure> {
     let marks = |pose: PoseName| {
         let path = folder.join(format!("{}_landmarks.csv", pose.name()));
         landmarks::read(&path).map_err(|cause| Failure::BadInput(cause.to_string()))
     };
-    let reference = marks(PoseName::Supine)?;
-    let start = Start::of_landmarks(&reference, &marks(pose)?)?
-        .map_or_else(RigidTransform::identity, |start| start.transform);
-    let name = pose.name();
-    let scanned = Scanned { image: &image, start, labels: &known, truth, pose: name };
-    let (measured, found) = measure(&scanned)?;
-    Ok((image, known, found.labels, measured))
+    let start = Start::of_landmarks(&marks(PoseName::Supine)?, &marks(pose)?)?;
+    Ok(start.map_or_else(RigidTransform::identity, |start| start.transform))
 }
 
 /// Cuts through the right breast with the outlines of the found labels, above the true ones.

@@ -41,14 +41,7 @@ pub fn demo(arguments: &DemoArguments) -> Result<(), Failure> {
 
 fn settings(arguments: &SynthArguments) -> Result<Settings, Failure> {
     let voxel_mm = voxels(&arguments.voxel_mm)?;
-    let mut poses = Vec::new();
-    for name in &arguments.poses {
-        let pose = PoseName::ALL.into_iter().find(|pose| pose.name() == name);
-        poses.push(pose.ok_or_else(|| {
-            let known = PoseName::ALL.map(PoseName::name).join(", ");
-            Failure::Usage(format!("--poses: no pose {name:?}; there are: {known}"))
-        })?);
-    }
+    let mut poses = named_poses(&arguments.poses)?;
     if poses.is_empty() {
         poses = PoseName::ALL.to_vec();
     }
@@ -59,6 +52,17 @@ fn settings(arguments: &SynthArguments) -> Result<Settings, Failure> {
     let (truth_mm, out_dir) = (truth_edge(arguments.truth_mm)?, arguments.out.clone());
     let still = arguments.still;
     Ok(Settings { preset, seed, voxel_mm, poses, hidden, still, elements, truth_mm, out_dir })
+}
+
+/// Poses by their names.
+pub fn named_poses(names: &[String]) -> Result<Vec<PoseName>, Failure> {
+    let of = |name: &String| {
+        PoseName::ALL.into_iter().find(|pose| pose.name() == name).ok_or_else(|| {
+            let known = PoseName::ALL.map(PoseName::name).join(", ");
+            Failure::Usage(format!("--poses: no pose {name:?}; there are: {known}"))
+        })
+    };
+    names.iter().map(of).collect()
 }
 
 /// Edges of voxels (mm) from one number or three; none means the preset's.

@@ -219,7 +219,9 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
     let title = "Mean pressure of the paddle's face against thickness";
     add("mean_pressure.svg", course(title, "pressure (kPa)", &of));
     let of = |f: &Found| f.compression.curve.deflection_mm.clone();
-    add("deflection.svg", course("What the paddle gives way", "deflection (mm)", &of));
+    if drawn.iter().any(|(_, f)| gives_way_mm(f) > 0.0) {
+        add("deflection.svg", course("What the paddle gives way", "deflection (mm)", &of));
+    }
     if drawn.iter().any(|(_, f)| f.course.is_some()) {
         let line = |(way, f): &(&Way, &Found)| {
             let course = f.course.as_ref()?;
@@ -231,19 +233,29 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
         add("force_in_time.svg", chart(title, "time (s)", "force (N)", all, Axis::Rising));
     }
     if study == ThesisStudy::Positions {
-        for (file, metric, title, y) in [
-            ("force_by_distance.svg", "force_n", "Force at the end", "force (N)"),
+        let by_distance: [(&str, fn(&Found) -> f64, &str, &str); 3] = [
+            ("force_by_distance.svg", |f| f.metric("force_n"), "Force at the end", "force (N)"),
             (
                 "pressure_by_distance.svg",
-                "paddle_peak_pressure_kpa",
+                |f| f.metric("paddle_peak_pressure_kpa"),
                 "Largest pressure of the paddle's face at the end",
                 "pressure (kPa)",
             ),
-        ] {
+            (
+                "deflection_by_distance.svg",
+                gives_way_mm,
+                "What the paddle gives way at the end",
+                "deflection (mm)",
+            ),
+        ];
+        for (file, value, title, y) in by_distance {
+            if found.iter().all(|(_, f)| value(f) == 0.0) {
+                continue;
+            }
             let mut by_paddle: Vec<Line> = Vec::new();
             for (way, f) in &found {
                 let name = way.plan.paddle.name();
-                let point = (way.plan.chest_wall_distance_mm, f.metric(metric));
+                let point = (way.plan.chest_wall_distance_mm, value(f));
                 match by_paddle.iter_mut().find(|line| line.name == name) {
                     Some(line) => line.points.push(point),
                     None => by_paddle.push(Line { name: name.into(), points: vec![point] }),
@@ -276,6 +288,11 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
         all.push(picture(&format!("mat_{}.png", way.label), title, &mat_map(mat, mat_range)));
     }
     all
+}
+
+/// How far (mm) the paddle gives way at the end.
+fn gives_way_mm(found: &Found) -> f64 {
+    found.compression.curve.deflection_mm.last().copied().unwrap_or(0.0)
 }
 
 fn chart(title: &str, x: &str, y: &str, lines: Vec<Line>, x_axis: Axis) -> Chart {

@@ -10,7 +10,7 @@ use mammotwin_data::{
     io::landmarks,
     rigid::RigidTransform,
     store::{Run, Stored},
-    study::{MammogramPlan, Study, Use},
+    study::{CompressPlan, MammogramPlan, Study, Use},
 };
 use mammotwin_imaging::xray::{calibration::Unit, geometry::Geometry};
 use mammotwin_stages::{
@@ -134,7 +134,7 @@ impl Body {
             reference: reference.clone(),
             mesh: mesh.load()?,
             held_out: validations.keys().filter(held_out).cloned().collect(),
-            start_pose: study.compress.as_ref().and_then(|plan| plan.start_pose.clone()),
+            start_pose: study.compress.as_ref().and_then(CompressPlan::free_of_stress),
             calibration,
             compression,
             registered,

@@ -15,7 +15,7 @@ use mammotwin_data::{
 };
 use mammotwin_imaging::mri::{
     distance_field::{FieldPlan, level_field},
-    segment::{Options, Segmentation, segment},
+    segment::{Options, segment},
     surface::surface,
 };
 use mammotwin_solver::distance::{DistanceError, SurfaceIndex};
@@ -74,12 +74,21 @@ pub struct Measured {
 pub const LIMITS: [&str; 5] =
     ["right_lower_mm", "right_upper_mm", "left_lower_mm", "left_upper_mm", "lateral_mm"];
 
+/// What was found in an image, and how near it is to the truth.
+#[derive(Debug)]
+pub struct Seen {
+    /// How near it is.
+    pub measured: Measured,
+    /// What was found.
+    pub labels: LabelMap,
+}
+
 /// One image of a volunteer, with what is true of it.
 #[derive(Debug)]
 pub struct Scanned<'a> {
     /// The image.
     pub image: &'a Volume<f32>,
-    /// From the image to the reference pose, as the landmarks give it.
+    /// From the image to the reference pose, as landmarks or the images give it.
     pub start: RigidTransform,
     /// True labels.
     pub labels: &'a LabelMap,
@@ -93,7 +102,7 @@ pub struct Scanned<'a> {
 ///
 /// # Errors
 /// [`Failure::BadInput`] when the image is refused, or a structure has no surface.
-pub fn measure(scanned: &Scanned) -> Result<(Measured, Segmentation), Failure> {
+pub fn measure(scanned: &Scanned) -> Result<Seen, Failure> {
     let Scanned { image, start, labels: known, truth, pose } = *scanned;
     let refuse = |cause: &dyn std::fmt::Display| {
         Failure::BadInput(format!("{} {} {pose}: {cause}", truth.preset, truth.seed))
@@ -155,7 +164,7 @@ pub fn measure(scanned: &Scanned) -> Result<(Measured, Segmentation), Failure> {
             found.limits.lateral_y_mm - truth.limits.least_y_mm,
         ],
     };
-    Ok((measured, found))
+    Ok(Seen { measured, labels: found.labels })
 }
 
 /// Signed distances (mm) of the vertices of `from` that lie `inside` to another surface; positive

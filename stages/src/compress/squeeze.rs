@@ -1,6 +1,6 @@
 //! The compression itself: a body of one's own mesh between the plates of a plan.
 
-use super::{Compress, Compression, paddle, result};
+use super::{Compress, Compression, Start, paddle, result};
 use crate::model::{Anatomy, Body, LawOverride, Moduli};
 use mammotwin_data::{
     Failure, Vec3,
@@ -10,7 +10,9 @@ use mammotwin_data::{
     surface::TriMesh,
     units::NEWTON,
 };
-use mammotwin_solver::{Options, SolveError, compress as press, mesh::crop::crop, solve};
+use mammotwin_solver::{
+    Options, SolveError, compress as press, mesh::crop::crop, model::Model, solve,
+};
 
 /// Skin within this elliptic radius of the base may touch the plates.
 const TOUCHED_RADIUS: f64 = 1.25;
@@ -18,8 +20,7 @@ const TOUCHED_RADIUS: f64 = 1.25;
 const STEP_MM: f64 = 5.0;
 
 impl Compress {
-    /// Compresses one breast of a body of linear elements; `start` are its nodes (mm) where it is free of
-    /// stress, `cad` is the surface of a paddle from a file.
+    /// Compresses one breast of a body of linear elements; `cad` is the surface of a paddle from a file.
     ///
     /// # Errors
     /// [`Failure::BadInput`] for plates that miss the breast, [`Failure::Numerics`] when there is no
@@ -27,7 +28,7 @@ impl Compress {
     pub fn press(
         &self,
         body: &Body<'_>,
-        start: &[Vec3],
+        start: &Start<'_>,
         moduli: Moduli,
         cad: Option<&TriMesh>,
         progress: &dyn Progress,
@@ -45,7 +46,7 @@ impl Compress {
         let body = Body { mesh, anatomy, plan, quadratic: None, wall: body.wall.clone() };
         let moduli =
             Moduli { right_kpa: stiffer * moduli.right_kpa, left_kpa: stiffer * moduli.left_kpa };
-        let rest = part.take(start);
+        let rest = part.take(start.rest);
         let law = LawOverride {
             name: self.plan.law.name,
             jm: self.plan.law.jm,
@@ -54,26 +55,37 @@ impl Compress {
         };
         let refuse = |cause: SolveError| Failure::Numerics(format!("compress: {cause}"));
         let options = Options::default();
+        let medial = part.mesh.patch_nodes(Patch::Medial);
+        let held = |weight: Vec3| {
+            let mut model = body.model(&rest, moduli, weight, Some(law))?;
+            for &node in &medial {
+                model.fix_node(node);
+            }
+            Ok::<_, Failure>(model)
+        };
+        let settle = |model: &Model, from: &[Vec3]| {
+            solve(model, from, &options, &Silent)
+                .map(|settled| settled.points)
+                .map_err(|cause| Failure::Numerics(format!("compress, settling: {cause}")))
+        };
         // Without gravity a bonded breast rests in its stress-free shape; one that slides is
-        // first brought onto the chest wall.
-        let settled = if plan.interface.is_bonded() {
+        // first brought onto the chest wall. One that hangs sinks a little: its law is another now.
+        let settled = if let Some((points, gravity)) = start.hanging {
+            progress.report(0.0, "hanging");
+            settle(&held(gravity)?, &part.take(points))?
+        } else if plan.interface.is_bonded() {
             rest.clone()
         } else {
             progress.report(0.0, "without gravity");
-            let free = body.model(&rest, moduli, Vec3::zeros(), Some(law))?;
-            solve(&free, &rest, &options, &Silent)
-                .map_err(|cause| Failure::Numerics(format!("compress, settling: {cause}")))?
-                .points
+            settle(&body.model(&rest, moduli, Vec3::zeros(), Some(law))?, &rest)?
         };
 
         // The plates come to the breast where it would be without weight, as hands would lift it; she stands
-        // and leans until the plates' edges lie along the chest wall.
-        let weight = -self.plan.gravity_share * base.cranial;
+        // and leans until the plates' edges lie along the chest wall. Or she lies, and it hangs.
+        let standing = -self.plan.gravity_share * base.cranial;
+        let weight = start.hanging.map_or(standing, |(_, gravity)| gravity);
         // The cut at the sternum stays where it settled.
-        let mut model = body.model(&rest, moduli, weight, Some(law))?;
-        for node in part.mesh.patch_nodes(Patch::Medial) {
-            model.fix_node(node);
-        }
+        let model = held(weight)?;
         let near = |n: &u32| base.radius(&part.mesh.points[*n as usize]) < TOUCHED_RADIUS;
         let skin = part.mesh.patch(Patch::Skin).iter();
         // She turns and leans until the plates' edges lie along the chest wall under her breast.

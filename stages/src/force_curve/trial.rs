@@ -8,11 +8,11 @@ use super::{
     record::{Channel, Reading, Record, RecordError},
 };
 use crate::{
-    compress::{Compress, Compression},
+    compress::{Compress, Compression, Start},
     volunteer::{Preset, Torso, mechanics::TruthBody, model_plan},
 };
 use mammotwin_data::{
-    Failure,
+    Failure, Vec3,
     labels::Side,
     progress::Silent,
     study::{
@@ -20,7 +20,7 @@ use mammotwin_data::{
         PaddleName, ReceptorName, StopPlan, View,
     },
 };
-use mammotwin_solver::mesh::lattice::Placement;
+use mammotwin_solver::{Options, mesh::lattice::Placement, solve};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -117,6 +117,7 @@ impl Person {
             view_angle_deg: None,
             receptor_lift_mm: 0.0,
             start_pose: None,
+            prestress: false,
             paddle: PaddleName::Rigid,
             receptor: ReceptorName::Nipple,
             hinge: None,
@@ -167,8 +168,29 @@ impl Ready {
     /// As [`Compress::press`].
     pub fn compressed(&self, plan: &CompressPlan) -> Result<Compression, Failure> {
         let compress = Compress { model: self.model.clone(), plan: plan.clone() };
+        let (body, start) = (self.body.body(&self.model), Start::free(&self.body.mesh.points));
+        compress.press(&body, &start, self.body.moduli(), None, &Silent)
+    }
+}
+
+impl Ready {
+    /// Presses her from where she hangs, by the unit vector of gravity: with its stress and weight, or
+    /// as if that shape were free of them, as `plan.prestress` says.
+    ///
+    /// # Errors
+    /// No equilibrium, or as [`Compress::press`].
+    pub fn hanging(&self, plan: &CompressPlan, gravity: Vec3) -> Result<Compression, Failure> {
+        let compress = Compress { model: self.model.clone(), plan: plan.clone() };
         let (body, rest) = (self.body.body(&self.model), &self.body.mesh.points);
-        compress.press(&body, rest, self.body.moduli(), None, &Silent)
+        let moduli = self.body.moduli();
+        let model = body.model(rest, moduli, gravity, None)?;
+        let hangs = solve(&model, rest, &Options::default(), &Silent)
+            .map_err(|cause| Failure::Numerics(format!("hanging: {cause}")))?;
+        let start = match plan.prestress {
+            true => Start { rest, hanging: Some((&hangs.points, gravity)) },
+            false => Start::free(&hangs.points),
+        };
+        compress.press(&body, &start, moduli, None, &Silent)
     }
 }
 
