@@ -91,6 +91,9 @@ pub enum Command {
     /// What a file holds: NIfTI image or labels, landmarks, results
     #[command(after_help = "Example:\n  mammotwin inspect prone.nii.gz --json")]
     Inspect(InspectArguments),
+    /// Label breasts, gland, muscle and chest wall in single images, with pictures to look at
+    #[command(after_help = SEGMENT_HELP)]
+    Segment(SegmentArguments),
     /// Compare paddles, positions and designs on your breast; test the models themselves
     #[command(subcommand, after_help = "Example:\n  mammotwin study dose --out runs/dose")]
     Study(StudyCommand),
@@ -136,6 +139,17 @@ stages ran, and everything outside of the cache. One output folder serves one st
 Examples:
   mammotwin gc study.toml --dry-run
   mammotwin gc study.toml";
+
+const SEGMENT_HELP: &str = "\
+For a first look at scans, before there is a study. Each image becomes NAME_labels.nii.gz, which a study
+takes as finished labels, and NAME.png: axial, coronal and sagittal cuts through the right breast and, below,
+the left one, with outlines of right (orange) and left breast (blue), gland (yellow), muscle (pink) and what
+lies behind it. volumes.csv has their volumes. An image that is refused does not stop the others; the exit code
+tells of it.
+
+Examples:
+  mammotwin segment scans/*.nii.gz --out looks
+  mammotwin segment fat-suppressed.nii.gz --scribbles marks.nii.gz --out looks";
 
 const COMPLETIONS_EXAMPLES: &str = "\
 Examples:
@@ -379,6 +393,23 @@ pub struct InspectArguments {
     /// File
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
+    /// Answer in JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Images to label.
+#[derive(Debug, Clone, Args)]
+pub struct SegmentArguments {
+    /// NIfTI images (.nii, .nii.gz)
+    #[arg(value_name = "IMAGE", required = true)]
+    pub images: Vec<PathBuf>,
+    /// Marks in the one image, as labels: what the brightness of tissues is learnt from
+    #[arg(long, value_name = "LABELS")]
+    pub scribbles: Option<PathBuf>,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR", default_value = "runs/segment")]
+    pub out: PathBuf,
     /// Answer in JSON
     #[arg(long)]
     pub json: bool,

@@ -67,6 +67,11 @@ fn bad_input_is_65_and_names_file_key_and_remedy() {
     refused(STUDY, &["run", "other.toml"], 65, &["other.toml: no such study file"]);
     refused(STUDY, &["inspect", "no.nii"], 65, &["no.nii: no such file"]);
     refused(STUDY, &["inspect", "study.toml"], 65, &["study.toml"]);
+    refused(STUDY, &["segment", "study.toml"], 2, &["study.toml", "NIfTI"]);
+    refused(STUDY, &["segment", "no.nii"], 65, &["no.nii"]);
+    refused(STUDY, &["segment", "a/x.nii", "b/x.nii.gz"], 2, &["called x", "--out"]);
+    let marked = ["segment", "a.nii", "b.nii", "--scribbles", "m.nii"];
+    refused(STUDY, &marked, 2, &["--scribbles", "one image"]);
 }
 
 #[test]
@@ -102,6 +107,7 @@ fn every_command_has_help() {
         "verify",
         "gc",
         "inspect",
+        "segment",
         "effects",
         "discover",
         "study",

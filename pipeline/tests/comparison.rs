@@ -382,6 +382,7 @@ fn a_hidden_stretch_limit_and_place_lie_in_the_intervals_of_another_mesh() {
     let grid = ["--jm", "0.7,1,1.4,2,3", "--distances", "11,13,15"];
     let said =
         run(&model, &near, &[&["--record", path.to_str().unwrap()][..], &errors, &grid].concat());
+    println!("{said}");
     let weights = lines(&near.join("studies/stiffening/posterior.csv"));
     let number = |line: &BTreeMap<String, String>, name: &str| line[name].parse::<f64>().unwrap();
     for (column, truth) in [("jm", hidden.0), ("chest_wall_distance_mm", hidden.1)] {

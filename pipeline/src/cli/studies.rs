@@ -204,6 +204,9 @@ pub struct StiffeningArguments {
     /// Error of all forces of the model alike (%): mesh, moduli, friction
     #[arg(long, value_name = "PERCENT", default_value_t = 20.0)]
     pub model_error_percent: f64,
+    /// Error of the model's forces, alike over 5 mm of thickness (%): what elements do to the curve
+    #[arg(long, value_name = "PERCENT", default_value_t = 5.0)]
+    pub mesh_error_percent: f64,
 }
 
 const SEARCH_BOX_HELP: &str = "\

@@ -20,6 +20,7 @@ pub mod projection;
 pub mod run;
 pub mod score;
 pub mod search_box;
+pub mod segment;
 pub mod segmentation;
 pub mod sensitivity;
 pub mod status;
@@ -67,6 +68,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Verify(arguments) => keep::verify(arguments),
         Command::Gc(arguments) => keep::gc(arguments),
         Command::Inspect(arguments) => inspect::inspect(arguments),
+        Command::Segment(arguments) => segment::segment(arguments),
         Command::Study(StudyCommand::Dose(arguments)) => dose::dose(arguments),
         Command::Study(StudyCommand::Projection(arguments)) => projection::projection(arguments),
         Command::Study(StudyCommand::ImageChain(arguments)) => image_chain::image_chain(arguments),

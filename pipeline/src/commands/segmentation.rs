@@ -8,22 +8,22 @@ use super::{
 use crate::{
     cli::SegmentationArguments,
     display::Task,
-    segmentation::{Scanned, Seen, markdown, measure, page, table},
+    segmentation::{
+        Scanned, Seen, markdown, measure,
+        overlay::{behind_tip, overlay},
+        page, table,
+    },
 };
 use mammotwin_data::{
     Failure, Vec3,
     io::{landmarks, nifti},
-    labels::LabelMap,
+    labels::{LabelMap, Side},
     progress::{Progress, Silent},
     rigid::RigidTransform,
     volume::Volume,
 };
 use mammotwin_stages::{
     align::Start,
-    report::{
-        raster::Raster,
-        slice::{Plane, slice},
-    },
     volunteer::{PoseName, Settings, Truth},
 };
 use std::{collections::BTreeMap, fs, path::Path};
@@ -79,7 +79,9 @@ pub fn segmentation(arguments: &SegmentationArguments) -> Result<(), Failure> {
                 let Seen { measured, labels: found } = scan.measured(start, &truth, pose)?;
                 if seed == arguments.seeds[0] {
                     let name = format!("{preset}_{}.png", pose.name());
-                    write(&out.join(&name), picture(&scan.image, &found, &scan.labels).png())?;
+                    let cut = behind_tip(&scan.labels, Side::Right).unwrap_or_else(Vec3::zeros);
+                    let rows = [(&found, cut), (&scan.labels, cut)];
+                    write(&out.join(&name), overlay(&scan.image, &rows).png())?;
                     let caption =
                         format!("{preset}, seed {seed}, {}: found above, true below", pose.name());
                     pictures.push((caption, name));
@@ -135,41 +137,4 @@ fn marked_start(folder: &Path, pose: PoseName) -> Result<RigidTransform, Failure
     };
     let start = Start::of_landmarks(&marks(PoseName::Supine)?, &marks(pose)?)?;
     Ok(start.map_or_else(RigidTransform::identity, |start| start.transform))
-}
-
-/// Cuts through the right breast with the outlines of the found labels, above the true ones.
-fn picture(image: &Volume<f32>, found: &LabelMap, known: &LabelMap) -> Raster {
-    const MM_PER_PIXEL: f64 = 1.0;
-    const GAP: usize = 6;
-    let (mut sum, mut count) = (Vec3::zeros(), 0.0);
-    for (n, tissue) in known.values.iter().enumerate() {
-        let p = known.grid.center(known.grid.voxel(n));
-        if tissue.is_gland() && p.x > 0.0 {
-            (sum, count) = (sum + p, count + 1.0);
-        }
-    }
-    let middle = if count > 0.0 { sum / count } else { known.grid.center([0; 3]) };
-    let row = |labels: &LabelMap| {
-        Plane::ALL.map(|plane| slice(image, Some(labels), plane, &middle, MM_PER_PIXEL).picture)
-    };
-    let rows = [row(found), row(known)];
-    let width = |row: &[Raster; 3]| row.iter().map(|cut| cut.width + GAP).sum::<usize>();
-    let height = |row: &[Raster; 3]| row.iter().map(|cut| cut.height + GAP).max().unwrap_or(0);
-    let (wide, high) =
-        (rows.iter().map(width).max().unwrap_or(0), rows.iter().map(height).sum::<usize>());
-    let mut all = Raster::filled(wide, high, [0; 3]);
-    let mut top = 0;
-    for row in &rows {
-        let mut left = 0;
-        for cut in row {
-            for y in 0..cut.height {
-                let at = (top + y) * wide + left;
-                let from = &cut.pixels[y * cut.width..(y + 1) * cut.width];
-                all.pixels[at..at + cut.width].copy_from_slice(from);
-            }
-            left += cut.width + GAP;
-        }
-        top += height(row);
-    }
-    all
 }

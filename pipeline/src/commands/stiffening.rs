@@ -30,8 +30,10 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
         force_n: arguments.force_error_n,
         thickness_mm: arguments.thickness_error_mm,
         model_part: arguments.model_error_percent / 100.0,
+        bent_part: arguments.mesh_error_percent / 100.0,
     };
-    let sizes = [error.force_part, error.force_n, error.thickness_mm, error.model_part];
+    let RecordError { force_part, force_n, thickness_mm, model_part, bent_part } = error;
+    let sizes = [force_part, force_n, thickness_mm, model_part, bent_part];
     if sizes.iter().any(|size| !(*size >= 0.0 && size.is_finite()))
         || sizes[..3].iter().sum::<f64>() <= 0.0
     {

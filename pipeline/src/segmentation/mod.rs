@@ -1,5 +1,6 @@
 //! How near the segmentation comes to the truth of digital volunteers, structure by structure.
 
+pub mod overlay;
 mod page;
 
 pub use page::{markdown, page, table};

@@ -52,11 +52,11 @@ pub fn foretell(
         for _ in 0..DRAWS {
             let part: f64 = random.random::<f64>() * sum;
             let n = sums.partition_point(|sum| *sum < part).min(sums.len().saturating_sub(1));
-            let [alike, own, shown]: [f64; 3] =
+            let [alike, own, shown, bent]: [f64; 4] =
                 std::array::from_fn(|_| StandardNormal.sample(&mut random));
             let place = (posterior.jm[n / columns], posterior.distance_mm[n % columns]);
             let Some([force, slope]) = grid.force(place.0, place.1, thickness_mm) else { continue };
-            let force = force * (1.0 + error.model_part * alike);
+            let force = force * (1.0 + error.model_part * alike + error.bent_part * bent);
             let own = own * (error.force_part * force).hypot(error.force_n);
             forces.push((force + own + slope * error.thickness_mm * shown).max(0.0));
         }
@@ -125,8 +125,13 @@ mod tests {
 
     const JM: [f64; 7] = [0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0];
     const DISTANCE_MM: [f64; 4] = [10.0, 15.0, 20.0, 25.0];
-    const ERROR: RecordError =
-        RecordError { force_part: 0.03, force_n: 0.1, thickness_mm: 0.5, model_part: 0.1 };
+    const ERROR: RecordError = RecordError {
+        force_part: 0.03,
+        force_n: 0.1,
+        thickness_mm: 0.5,
+        model_part: 0.1,
+        bent_part: 0.0,
+    };
 
     /// A breast of a size (mm): force (N) that grows the faster the smaller Jₘ is, and falls with the distance.
     fn force(size_mm: f64, jm: f64, distance_mm: f64, thickness_mm: f64) -> f64 {
@@ -185,8 +190,13 @@ mod tests {
         let left = grid(86.0);
         let posterior =
             Posterior { jm: vec![1.0], distance_mm: vec![15.0], weights: vec![1.0], misfit: 0.0 };
-        let none =
-            RecordError { force_part: 0.0, force_n: 0.0, thickness_mm: 0.0, model_part: 0.0 };
+        let none = RecordError {
+            force_part: 0.0,
+            force_n: 0.0,
+            thickness_mm: 0.0,
+            model_part: 0.0,
+            bent_part: 0.0,
+        };
         let found = foretell(&left, &posterior, &none, &[60.0, 40.0]);
         assert_eq!(found.len(), 1);
         let exact = force(86.0, 1.0, 15.0, 60.0);

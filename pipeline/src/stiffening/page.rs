@@ -50,14 +50,15 @@ pub fn said(posterior: &Posterior, record: &[Measured], error: &RecordError) -> 
         format!(
             "Correlation of ln Jₘ and the distance: {:.2}; deviations of the best point: {:.1} standard \
              deviations (rms of {} points), the errors being {:.0} % and {} N of a force, {} mm of a \
-             thickness and {:.0} % of all forces of the model alike.",
+             thickness, {:.0} % of all forces of the model alike and {:.0} % of those over 5 mm of thickness.",
             posterior.correlation(),
             posterior.misfit,
             record.len(),
             100.0 * error.force_part,
             error.force_n,
             error.thickness_mm,
-            100.0 * error.model_part
+            100.0 * error.model_part,
+            100.0 * error.bent_part
         ),
     ];
     let [jm, distance] = posterior.limited();

@@ -2,13 +2,18 @@
 //!
 //! Forces of the model are known on a grid of both; between its points the logarithm of a force is
 //! bilinear in 1/Jₘ and in the distance. Errors of a record are independent and normal; all forces of the
-//! model are off by one unknown factor besides: meshes, moduli and friction between skin and plates make it. Jₘ is as likely in every
+//! model are off by one unknown factor besides: meshes, moduli and friction between skin and plates make it. The
+//! model's curve is bent as well, by its elements: by factors that are alike over a few millimetres. Jₘ is as likely in every
 //! interval of its logarithm, the distance in every interval of itself, within the grid.
 
 use super::Measured;
+use nalgebra::{Cholesky, DMatrix, DVector};
+use std::f64::consts::FRAC_PI_2;
 
 /// Points of the fine grid along each axis.
-const FINE: usize = 121;
+const FINE: usize = 81;
+/// What elements do to a curve of force is alike over this range of thickness (mm).
+const BENT_MM: f64 = 5.0;
 
 /// Sizes of the errors of a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,6 +26,25 @@ pub struct RecordError {
     pub thickness_mm: f64,
     /// Of all forces of the model alike, in proportion.
     pub model_part: f64,
+    /// Of the model's forces, alike over 5 mm of thickness, in proportion: what elements do to the curve.
+    pub bent_part: f64,
+}
+
+impl RecordError {
+    /// Errors of the model's forces, in proportion and with variance one each, at thicknesses (mm): a row for a
+    /// thickness, a column for an independent error. The squares of a row add up to the same in every row.
+    fn of_model(&self, thicknesses_mm: &[f64]) -> DMatrix<f64> {
+        let least = thicknesses_mm.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = thicknesses_mm.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let knots = if self.bent_part > 0.0 { ((most - least) / BENT_MM) as usize + 2 } else { 0 };
+        DMatrix::from_fn(thicknesses_mm.len(), 1 + knots, |row, column| match column {
+            0 => self.model_part,
+            _ => {
+                let off = (thicknesses_mm[row] - least) / BENT_MM - (column - 1) as f64;
+                self.bent_part * (FRAC_PI_2 * off.clamp(-1.0, 1.0)).cos()
+            }
+        })
+    }
 }
 
 /// Course of one compression of the model.
@@ -37,8 +61,16 @@ impl Course {
     pub fn at(&self, thickness_mm: f64) -> Option<[f64; 2]> {
         let h = &self.thickness_mm;
         let n = h.windows(2).position(|pair| pair[0] >= thickness_mm && pair[1] <= thickness_mm)?;
-        let slope = (self.force_n[n + 1] - self.force_n[n]) / (h[n + 1] - h[n]).min(-1e-12);
-        Some([self.force_n[n] + slope * (thickness_mm - h[n]), slope])
+        let [from, to] = [self.force_n[n], self.force_n[n + 1]];
+        let (step, along) = ((h[n + 1] - h[n]).min(-1e-12), thickness_mm - h[n]);
+        // Forces grow by about the same factor with each millimetre; a straight line would lie above the curve.
+        if from > 0.0 && to > 0.0 {
+            let growth = (to / from).ln() / step;
+            let force = from * (growth * along).exp();
+            return Some([force, force * growth]);
+        }
+        let slope = (to - from) / step;
+        Some([from + slope * along, slope])
     }
 }
 
@@ -123,24 +155,27 @@ impl Grid {
         let jm: Vec<f64> = axis(least, most, FINE).into_iter().map(f64::exp).collect();
         let [near, far] = ends(&self.distance_mm);
         let distance_mm = axis(near, far, FINE);
+        let thicknesses: Vec<f64> = record.iter().map(|point| point.thickness_mm).collect();
+        let of_model = error.of_model(&thicknesses);
         let deviation = |jm: f64, distance: f64| -> Option<[f64; 2]> {
-            let (mut squares, mut widths) = (0.0, 0.0);
-            // Products of the model's forces with themselves and with what is left of the record.
-            let (mut own, mut with) = (0.0, 0.0);
-            for Measured { thickness_mm, force_n } in record {
+            let mut widths = 0.0;
+            let mut rest = DVector::zeros(record.len());
+            let mut model = of_model.clone();
+            for (n, Measured { thickness_mm, force_n }) in record.iter().enumerate() {
                 let [force, slope] = self.force(jm, distance, *thickness_mm)?;
                 let size = (error.force_part * force).hypot(error.force_n);
                 let size = size.hypot(slope * error.thickness_mm);
-                squares += ((force - force_n) / size).powi(2);
+                rest[n] = (force - force_n) / size;
                 widths += size.ln();
-                own += (force / size).powi(2);
-                with += force * (force - force_n) / (size * size);
+                model.row_mut(n).scale_mut(force / size);
             }
-            // The common factor, integrated out (Sherman & Morrison).
-            let common = error.model_part.powi(2);
-            squares -= common * with * with / (1.0 + common * own);
-            widths += 0.5 * (1.0 + common * own).ln();
-            Some([squares, widths])
+            // Errors of the model, integrated out (Woodbury).
+            let columns = model.ncols();
+            let inner = DMatrix::identity(columns, columns) + model.tr_mul(&model);
+            let factor = Cholesky::new(inner)?.unpack();
+            let taken = factor.solve_lower_triangular(&model.tr_mul(&rest))?;
+            widths += factor.diagonal().iter().map(|pivot| pivot.ln()).sum::<f64>();
+            Some([rest.norm_squared() - taken.norm_squared(), widths])
         };
         let mut logs = Vec::new();
         let mut misfit = f64::INFINITY;
@@ -263,20 +298,27 @@ mod tests {
         Grid { courses: courses.collect(), jm: jm.clone(), distance_mm: distance_mm.clone() }
     }
 
-    const ERROR: RecordError =
-        RecordError { force_part: 0.03, force_n: 0.1, thickness_mm: 0.5, model_part: 0.1 };
+    const ERROR: RecordError = RecordError {
+        force_part: 0.03,
+        force_n: 0.1,
+        thickness_mm: 0.5,
+        model_part: 0.1,
+        bent_part: 0.05,
+    };
 
     fn record(jm: f64, distance: f64, thicknesses: &[f64], seed: u64) -> Vec<Measured> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-        let factor = 1.0 + ERROR.model_part * normal();
-        let mut one = |&thickness_mm: &f64| {
+        let columns = ERROR.of_model(thicknesses).ncols();
+        let drawn = DVector::from_fn(columns, |_, _| normal());
+        let factors = ERROR.of_model(thicknesses) * drawn;
+        let mut one = |(thickness_mm, off): (f64, f64)| {
             let real = thickness_mm + ERROR.thickness_mm * normal();
-            let force = factor * force(jm, distance, real);
+            let force = (1.0 + off) * force(jm, distance, real);
             let force_n = force * (1.0 + ERROR.force_part * normal()) + ERROR.force_n * normal();
             Measured { thickness_mm, force_n }
         };
-        thicknesses.iter().map(&mut one).collect()
+        thicknesses.iter().copied().zip(factors.iter().copied()).map(&mut one).collect()
     }
 
     #[test]
@@ -289,6 +331,33 @@ mod tests {
             assert!((slope / change - 1.0).abs() < 0.06, "{jm} {d} {h}: {slope} {change}");
         }
         assert_eq!(grid.force(1.0, 10.0, 30.0), None);
+    }
+
+    #[test]
+    fn a_curve_that_grows_alike_is_read_off_between_far_states() {
+        let thickness_mm = vec![70.0, 65.0, 60.0];
+        let grows = |h: f64| 0.3 * (0.17 * (70.0 - h)).exp();
+        let course =
+            Course { force_n: thickness_mm.iter().map(|h| grows(*h)).collect(), thickness_mm };
+        let [force, slope] = course.at(62.0).unwrap();
+        assert!((force / grows(62.0) - 1.0).abs() < 1e-12 && (slope / force + 0.17).abs() < 1e-12);
+        let touches = Course { thickness_mm: vec![70.0, 65.0], force_n: vec![0.0, 1.0] };
+        assert_eq!(touches.at(67.5), Some([0.5, -0.2]));
+    }
+
+    #[test]
+    fn the_errors_of_the_model_are_alike_near_by_and_as_large_everywhere() {
+        let thicknesses: Vec<f64> = (0..60).map(|n| 40.0 + 0.5 * f64::from(n)).collect();
+        let errors = ERROR.of_model(&thicknesses);
+        let together = &errors * errors.transpose();
+        let (alike, bent) = (ERROR.model_part.powi(2), ERROR.bent_part.powi(2));
+        for n in 0..60 {
+            assert!((together[(n, n)] / (alike + bent) - 1.0).abs() < 1e-12);
+        }
+        assert!(
+            together[(0, 1)] > alike + 0.9 * bent
+                && (together[(0, 40)] / alike - 1.0).abs() < 1e-12
+        );
     }
 
     #[test]
