@@ -72,7 +72,7 @@ impl Artifact for CarriedGland {
 
 impl Stage for Gland {
     const NAME: &'static str = "gland";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "";
     /// Labels of the reference pose, its mesh, and what became of it.
     type Input = (LabelMap, BreastMesh, Compression);

@@ -257,7 +257,7 @@ fn corners(grid: &Grid) -> (Vec3, Vec3) {
 
 impl Stage for Mesh {
     const NAME: &'static str = "mesh";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const METHODS: &'static str = "The tissue between skin, pectoral muscle and the breast limits was filled with \
          tetrahedra by clipping a body-centred lattice on smooth signed distance fields \
          (after Labelle and Shewchuk, ACM Trans. Graph. 26 (2007) 57).";

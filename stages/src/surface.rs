@@ -58,7 +58,7 @@ impl Artifact for PoseSurfaces {
 
 impl Stage for Surface {
     const NAME: &'static str = "surface";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const METHODS: &'static str = "Surfaces are the zero level of smooth signed distance fields of the labels, \
          placed between voxels.";
     type Input = LabelMap;

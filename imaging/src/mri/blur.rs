@@ -13,11 +13,23 @@ pub fn gaussian(mut image: Volume<f32>, sigmas: [f64; 3]) -> Volume<f32> {
     }
     let kernels = sigmas.map(kernel);
 
+    let reach = kernels[0].len() - 1;
     result.par_chunks_mut(ni).zip(image.values.par_chunks(ni)).for_each(|(to, from)| {
-        for (i, value) in to.iter_mut().enumerate() {
-            let term =
-                |(d, w): (usize, &f32)| w * (from[i.saturating_sub(d)] + from[(i + d).min(ni - 1)]);
-            *value = kernels[0].iter().enumerate().map(term).sum();
+        to.fill(0.0);
+        for (d, w) in kernels[0].iter().enumerate() {
+            let mut add = |i: usize, low: usize, high: usize| to[i] += w * (from[low] + from[high]);
+            let inner = reach.min(ni)..ni.saturating_sub(reach).max(reach.min(ni));
+            (0..inner.start)
+                .chain(inner.end..ni)
+                .for_each(|i| add(i, i.saturating_sub(d), (i + d).min(ni - 1)));
+            // Away from the ends nothing is clamped: whole rows are added.
+            let [low, high] = [inner.start - d.min(inner.start), inner.start + d];
+            let count = inner.len();
+            if count > 0 {
+                let (low, high) = (&from[low..][..count], &from[high..][..count]);
+                let sums = low.iter().zip(high);
+                to[inner].iter_mut().zip(sums).for_each(|(to, (a, b))| *to += w * (a + b));
+            }
         }
     });
     // Along j and k whole rows are added: the memory is read in order.

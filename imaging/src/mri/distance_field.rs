@@ -104,8 +104,14 @@ fn field_grid(mask: &Volume<bool>, plan: &FieldPlan) -> Result<Grid, FieldError>
 /// World box (mm) of the centres of the voxels that are inside.
 fn mask_box(mask: &Volume<bool>) -> (Vec3, Vec3) {
     let none = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
-    let inside = (0..mask.values.len()).filter(|&n| mask.values[n]);
-    inside.fold(none, |(low, high), n| {
+    let length = mask.grid.shape[0];
+    // Along a row of voxels the box is made by its ends.
+    let ends = mask.values.chunks(length).enumerate().flat_map(|(row, values)| {
+        let first = values.iter().position(|inside| *inside);
+        let last = values.iter().rposition(|inside| *inside);
+        [first, last].map(|end| end.map(|i| row * length + i))
+    });
+    ends.flatten().fold(none, |(low, high), n| {
         let p = mask.grid.center(mask.grid.voxel(n));
         (low.inf(&p), high.sup(&p))
     })
@@ -129,14 +135,20 @@ fn blurred_level(mask: &Volume<bool>, plan: &FieldPlan) -> Volume<f32> {
 /// The value of `level` (close to zero) below which the volume is `inside` voxels. Voxels near the
 /// surface count in part, by a ramp about one voxel wide.
 fn volume_keeping_level(level: &Volume<f32>, inside: usize) -> f32 {
-    let slice = level.grid.shape[0] * level.grid.shape[1];
-    let volume = |border: f32| -> f64 {
-        let part = |value: &f32| f64::from((0.5 + 4.0 * (border - value)).clamp(0.0, 1.0));
-        let sums: Vec<f64> =
-            level.values.par_chunks(slice).map(|values| values.iter().map(part).sum()).collect();
-        sums.iter().sum()
-    };
-    let (mut low, mut high) = (-0.2, 0.2);
+    const MOST: f32 = 0.2;
+    let part = |border: f32, value: &f32| f64::from((0.5 + 4.0 * (border - value)).clamp(0.0, 1.0));
+    // All others are inside or outside for every border that is tried.
+    let (mut near, mut whole) = (Vec::new(), 0.0);
+    for value in &level.values {
+        let [least, most] = [part(-MOST, value), part(MOST, value)];
+        if least < most {
+            near.push(*value);
+        } else {
+            whole += least;
+        }
+    }
+    let volume = |border: f32| whole + near.iter().map(|value| part(border, value)).sum::<f64>();
+    let (mut low, mut high) = (-MOST, MOST);
     for _ in 0..16 {
         let middle = 0.5 * (low + high);
         if volume(middle) < inside as f64 { low = middle } else { high = middle }
@@ -154,6 +166,7 @@ const AROUND: usize = 2;
 /// value at the border. Blocks that are far from any zero have the value at their middle.
 fn resample(image: &Volume<f32>, grid: Grid) -> Volume<f32> {
     let to_voxel = image.grid.to_voxel();
+    let bricks = Bricks::of(image);
     let [ni, nj, nk] = grid.shape;
     let blocks = |n: usize| n.div_ceil(BLOCK);
     let mut values = vec![0.0; grid.len()];
@@ -162,7 +175,7 @@ fn resample(image: &Volume<f32>, grid: Grid) -> Volume<f32> {
         for block in 0..blocks(ni) * blocks(nj) {
             let [i, j] = [block % blocks(ni) * BLOCK, block / blocks(ni) * BLOCK];
             let (i, j) = (i..(i + BLOCK).min(ni), j..(j + BLOCK).min(nj));
-            let alike = sign_of_block(image, &grid, [&i, &j, &k]);
+            let alike = sign_of_block(image, &bricks, &grid, [&i, &j, &k]);
             for (k, j) in k.clone().flat_map(|k| j.clone().map(move |j| (k, j))) {
                 let row = ((k - slab * BLOCK) * nj + j) * ni;
                 for i in i.clone() {
@@ -176,9 +189,46 @@ fn resample(image: &Volume<f32>, grid: Grid) -> Volume<f32> {
     Volume { grid, values }
 }
 
+/// Least and greatest values of an image in cubes of [`BRICK`] voxels.
+struct Bricks {
+    shape: [usize; 3],
+    spans: Vec<[f32; 2]>,
+}
+
+/// Edge of a brick, in voxels.
+const BRICK: usize = 4;
+const NOTHING: [f32; 2] = [f32::INFINITY, f32::NEG_INFINITY];
+
+impl Bricks {
+    fn of(image: &Volume<f32>) -> Self {
+        let [ni, nj, _] = image.grid.shape;
+        let shape = image.grid.shape.map(|n| n.div_ceil(BRICK));
+        let mut spans = vec![NOTHING; shape.iter().product()];
+        let slabs = spans.par_chunks_mut(shape[0] * shape[1]);
+        slabs.zip(image.values.par_chunks(ni * nj * BRICK)).for_each(|(spans, slab)| {
+            for (row, values) in slab.chunks(ni).enumerate() {
+                let spans = &mut spans[row % nj / BRICK * shape[0]..][..shape[0]];
+                for (span, values) in spans.iter_mut().zip(values.chunks(BRICK)) {
+                    *span = values.iter().fold(*span, |[low, high], v| [low.min(*v), high.max(*v)]);
+                }
+            }
+        });
+        Self { shape, spans }
+    }
+
+    /// Least and greatest value in the bricks that hold a box of voxels.
+    fn span(&self, voxels: [std::ops::Range<usize>; 3]) -> [f32; 2] {
+        let [i, j, k] = voxels.map(|range| range.start / BRICK..range.end.div_ceil(BRICK));
+        let rows = k.flat_map(|k| j.clone().map(move |j| (k * self.shape[1] + j) * self.shape[0]));
+        rows.flat_map(|row| &self.spans[row..][i.clone()])
+            .fold(NOTHING, |all, span| [all[0].min(span[0]), all[1].max(span[1])])
+    }
+}
+
 /// A value of a block in which cubics have no zero, nor around it; `None` when they may have one.
 fn sign_of_block(
     image: &Volume<f32>,
+    bricks: &Bricks,
     grid: &Grid,
     block: [&std::ops::Range<usize>; 3],
 ) -> Option<f32> {
@@ -197,15 +247,7 @@ fn sign_of_block(
         let [low, high] = [low[axis].floor() - 1.0, high[axis].floor() + 2.0];
         low.clamp(0.0, last) as usize..high.clamp(0.0, last) as usize + 1
     };
-    let (mut least, mut most) = (f32::INFINITY, f32::NEG_INFINITY);
-    for k in range(2) {
-        for j in range(1) {
-            for i in range(0) {
-                let value = image.at([i, j, k]);
-                (least, most) = (least.min(value), most.max(value));
-            }
-        }
-    }
+    let [least, most] = bricks.span([range(0), range(1), range(2)]);
     // The weights of a tricubic are at most 1.25³ in all, so at most 0.48 of it is negative:
     // no zero where the smallest size is above 0.48 / 1.48 of the largest.
     let [small, large] = [least.abs().min(most.abs()), least.abs().max(most.abs())];
