@@ -1,7 +1,5 @@
 //! What automatic exposure holds constant, and how dose then rises with thickness.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::tables;
 use mammotwin_imaging::xray::{
     attenuation::Material,

@@ -1,7 +1,5 @@
 //! Gland and masses in a phantom against closed forms: path lengths, pictures, photon transport.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     study::{MammogramPlan, MassPlan},

@@ -1,7 +1,5 @@
 //! A mammogram of a known shape: from surface to quality and dose.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     study::{CalcificationPlan, Exposure, MammogramPlan},

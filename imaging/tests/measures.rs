@@ -1,7 +1,5 @@
 //! What is measured of a breast, on shapes whose measures are known.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     labels::{Side, Tissue},

@@ -1,7 +1,5 @@
 //! The projection against closed forms, and signal and contrast against theory, on the full detector.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     study::{Exposure, MammogramPlan},

@@ -1,7 +1,5 @@
 //! The rigid motion of a drawn chest is found again.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     progress::Silent,

@@ -1,7 +1,5 @@
 //! Registration on real prone images, where they are at hand.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3, io::nifti, progress::Silent, rigid::RigidTransform, units::DEGREE, volume::Volume,
 };

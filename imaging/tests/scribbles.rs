@@ -1,9 +1,7 @@
 //! Segmentation taught by a few marked voxels, where it fails or errs by itself; and what it says of
 //! the coil's shading.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod phantom;
+use crate::phantom;
 
 use mammotwin_data::{
     Vec3,

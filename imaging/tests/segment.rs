@@ -1,8 +1,6 @@
 //! The whole segmentation against chests whose truth is known.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod phantom;
+use crate::phantom;
 
 use mammotwin_data::Vec3;
 use mammotwin_data::labels::{Side, Tissue};

@@ -2,8 +2,6 @@
 //!
 //! Without the scans that `MAMMOTWIN_DATA` names, this test says so and passes.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     labels::{Side, Tissue},
     progress::Silent,

@@ -1,7 +1,5 @@
 //! Photon transport against the benchmark of the AAPM, published scatter and closed forms.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{Vec3, surface::TriMesh, tables};
 use mammotwin_imaging::xray::{
     attenuation::Material,

@@ -1,7 +1,5 @@
 //! What is around the breast against closed forms: focal spot, paddle, receptor, heel, spectrum.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::study::{
     AbsorberPlan, BeamPlan, Exposure, FocalSpotPlan, MammogramPlan, QuantumNoise, SpotShape,
     UnitPlan,

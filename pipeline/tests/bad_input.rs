@@ -1,8 +1,6 @@
 //! Files that cannot be what the study says: one line that names file, key and remedy, exit code 65,
 //! and nothing written.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     io::nifti::{self, Version, VoxelType},

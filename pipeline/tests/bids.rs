@@ -1,7 +1,5 @@
 //! A BIDS folder of two volunteers and one bad participant, from images to the table of the group.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     io::{landmarks, nifti},
     labels::Tissue,

@@ -1,7 +1,5 @@
 //! The program from outside: exit codes, and one line on standard error that says what to do.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use std::{
     fs,
     path::Path,

@@ -1,7 +1,5 @@
 //! `study paddles`, `study positions` and `study designs` on the tiny volunteer, from outside.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use std::{
     collections::BTreeMap,
     fs,

@@ -1,7 +1,5 @@
 //! `discover` on volunteers with and without a hidden effect: the smallest part of the benchmark.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use std::{fs, path::Path, process::Command};
 
 /// Runs the benchmark on one person and returns its table of trials.

@@ -1,7 +1,5 @@
 //! Records of `study force-curve`, their figure, and what the command refuses.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin::force_curve::{Band, band, csv, read_record, record_table};
 use mammotwin_stages::force_curve::record::{Channel, Reading};
 use std::{fs, process::Command};

@@ -1,7 +1,5 @@
 //! A pose that a scanner measured: the skin alone, placed by landmarks.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     io::{hdf5, landmarks, stl},

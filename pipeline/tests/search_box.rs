@@ -1,7 +1,5 @@
 //! `study search-box` on coarse meshes, from outside.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use std::{
     fs,
     process::{Command, Output},

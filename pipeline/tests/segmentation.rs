@@ -1,7 +1,5 @@
 //! The study of the segmentation from outside, on a volunteer that no constant was chosen on.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use std::{fs, process::Command};
 
 /// Least of what three poses of a volunteer on voxels of 2.5 mm must reach: a little below the worst of

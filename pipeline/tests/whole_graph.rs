@@ -1,7 +1,5 @@
 //! The whole graph on the tiny volunteer, from outside: what is computed again, and with which bits.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     io::{hdf5, nifti},
     labels::{Side, Tissue},

@@ -1,8 +1,6 @@
 //! The assembled gradient and matrix of a body on which everything acts, and their bits.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::coarse;
 use common::shapes::brick;

@@ -1,8 +1,6 @@
 //! Cables that pull but never push, on a block that they hold on both sides.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::loads::{DeadForces, Pull};
 use common::shapes::brick;

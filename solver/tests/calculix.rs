@@ -3,9 +3,7 @@
 //! Law: isochoric neo-Hookean with ½ K (J - 1)² in both codes, E = 0.5 kPa, ν = 0.49. CalculiX stops at residuals of 0.5 % and corrections of 1 % (its defaults),
 //! ours at residuals of 1e-8 of the largest force. `ccx` is Debian's `calculix-ccx`, with SPOOLES.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::{Body, coarse, fine};
 use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, study::LawName};

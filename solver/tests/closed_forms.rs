@@ -1,8 +1,6 @@
 //! Columns, balloons, sheets and beams against closed forms.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::loads::{Cavity, CurvedCavity, DeadForces};
 use common::shapes::{brick, hollow_sphere};

@@ -4,9 +4,7 @@
 //! base with a radius of 10 mm. An independent dense prototype (stabilised linear tetrahedra, coupled
 //! neo-Hookean law) gives 0.98 N at 60 mm and 1.33 / 1.36 N (upper / lower plate) at 50 mm.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::squeeze::{EDGE_MM, Squeeze};
 use common::{Body, coarse, fine};

@@ -1,9 +1,7 @@
 //! Cook's membrane, nearly incompressible, in plane strain: a tapered panel, clamped at its left
 //! side and sheared at its right one. Linear tetrahedra against quadratic ones.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::{loads::DeadForces, roughness, shapes::brick};
 use mammotwin_data::{Vec3, mesh::TetMesh, progress::Silent, study::LawName};

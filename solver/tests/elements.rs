@@ -1,8 +1,6 @@
 //! Linear and quadratic tetrahedra against closed forms: patch test, stretched bar, hollow sphere.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::laws::every;
 use common::loads::Cavity;

@@ -1,8 +1,6 @@
 //! Loads that cannot be carried: how steps are cut and grow again, what is kept, and what the error says.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::loads::{DeadForces, Pull};
 use common::shapes::brick;

@@ -2,9 +2,7 @@
 //!
 //! The block is stiff, 40 x 40 x 20 mm, and weighs about 0.3 N; its lower face is the chest wall.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::loads::{DeadForces, Pull};
 use common::{coarse, shapes::brick};

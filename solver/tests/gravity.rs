@@ -4,9 +4,7 @@
 //! FEBio 4 (coupled law) give the nipple's displacement: 34.90 mm on the coarse mesh, 35.03 mm on
 //! the fine one, 34.20 mm at ν = 0.499. Linear tetrahedra lock: 28.49 mm and, at ν = 0.499, 15.53 mm.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::{Body, coarse, fine};
 use mammotwin_data::{Vec3, mesh::Patch, progress::Silent, solution::Solution, study::LawName};

@@ -3,9 +3,7 @@
 //! An eighth of a ball stands for the half-space: on its outer surface it moves as under a force at a
 //! point (Johnson, *Contact mechanics* (1985), § 3.2; § 3.4 and § 4.2 for punch and sphere).
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::shapes::brick;
 use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, solution::Solution};

@@ -3,9 +3,7 @@
 //! The body is that of `compression.rs`: a breast-like one of 0.5 kPa, 132 mm high. A soft plate makes
 //! the coupling strong: a Lexan plate of 4 mm would not be moved by so soft a body.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::squeeze::{EDGE_MM, Squeeze};
 use common::{Body, coarse};

@@ -3,9 +3,7 @@
 //! The block is 160 x 120 x 40 mm of 0.5 kPa (z along the compression, y away from the chest wall) on
 //! the receptor; it is held so that it has a place, and is frictionless.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::shapes::brick;
 use mammotwin_data::{

@@ -4,9 +4,7 @@
 //! FEBio 4 (coupled law): 34.90 mm (5 k), 35.03 mm (20 k), and 34.20 mm at ν = 0.499 (5 k). Those of
 //! CalculiX (isochoric law, Mira 2018, eq. 2.37): 35.79 mm (5 k), 35.93 mm (20 k), and 34.45 mm.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::{Body, coarse, fine};
 use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, study::LawName};

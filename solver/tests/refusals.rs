@@ -1,8 +1,6 @@
 //! Models that cannot be solved are refused before the first step, each with its own error.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::shapes::brick;
 use mammotwin_data::{

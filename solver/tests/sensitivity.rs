@@ -3,9 +3,7 @@
 //! A Taylor test: what is left of u(θ + h d) - u(θ) - h u'd falls as h², for a random direction d in
 //! all numbers of a model at once. Direct and adjoint derivatives are the same number.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::{coarse, shapes::brick};
 use mammotwin_data::{

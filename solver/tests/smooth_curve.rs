@@ -3,9 +3,7 @@
 //! Slopes dF/dh of successive states, 2 mm apart (1 mm on the fine breast), are compared with the parabola through the slopes around each of
 //! them (three on both sides). The jitter is the root mean square of what is left over the mean slope there.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::squeeze::Squeeze;
 use common::{Body, coarse, fine};

@@ -1,8 +1,6 @@
 //! The stress-free shape of bodies whose stress-free shape is known: it must be found again.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::{Body, coarse};
 use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, study::LawName};

@@ -1,8 +1,6 @@
 //! Moduli of digital volunteers, found from their true labels and motions: what mesh, stress-free
 //! shape, equilibria and search leave of them.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Failure, Vec3,
     io::{hdf5, landmarks, nifti},

@@ -1,7 +1,5 @@
 //! The search on curves that are formulas instead of solutions.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::study::{CompressPlan, LawName, PaddleName};
 use mammotwin_stages::{
     discover::VerdictName,

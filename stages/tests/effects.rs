@@ -1,7 +1,5 @@
 //! What effects do to a digital volunteer: breasts hang less far, or elsewhere, in the poses that they act in.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     mesh::Patch,

@@ -1,7 +1,5 @@
 //! How far linear and quadratic elements are off on a volunteer's own shape, in millimetres of skin.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     mesh::Patch,

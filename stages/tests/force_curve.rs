@@ -1,8 +1,6 @@
 //! Effects of the compression hidden in a digital volunteer's record of force and thickness: found, and not
 //! invented.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_stages::{
     discover::VerdictName,
     force_curve::{

@@ -1,7 +1,5 @@
 //! The weight of a compressed breast: kept or neglected, as the thesis neglects it.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{progress::Silent, store::Stage, study::ComfortPlan};
 use mammotwin_stages::{
     comfort::Comfort,

@@ -1,7 +1,5 @@
 //! Effects of the image chain hidden in a measured unit: found, named, added.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_stages::{
     discover::VerdictName,
     image_chain::{

@@ -1,7 +1,5 @@
 //! The contacts of the chest wall (Mîra 2018, table 2.1 and appendix C) under a digital volunteer.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     mesh::Patch,
     progress::Silent,

@@ -1,8 +1,6 @@
 //! What holds a breast: which nodes the ligaments tie to where, each alone on a digital volunteer, and the ends of skin and
 //! fascia at the cuts.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     labels::Side,

@@ -1,8 +1,6 @@
 //! Tetrahedra of digital volunteers: shape of the elements, distance of their faces from the surface.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::{field_of_view, from_zero, labels, p95_and_max, torso};
 use mammotwin_data::{

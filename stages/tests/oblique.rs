@@ -1,7 +1,5 @@
 //! Compression along an oblique axis: from above and the middle of either breast, and in balance.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     labels::Side,

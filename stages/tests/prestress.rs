@@ -1,7 +1,5 @@
 //! A breast that hangs: pressed with the stress and the weight that it hangs by, or without.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     study::{CompressLaw, LawName},

@@ -1,8 +1,6 @@
 //! Poses of digital volunteers whose chest walls change are registered on the labels that the
 //! segmentation gives.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     io::{landmarks, nifti},

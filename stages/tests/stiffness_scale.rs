@@ -1,7 +1,5 @@
 //! A compression knows no unit of stiffness: tissues that are all stiffer in one proportion press in that proportion.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::study::CompressPlan;
 use mammotwin_stages::force_curve::trial::{Meshed, Person};
 

@@ -1,8 +1,6 @@
 //! Surfaces of labels beside the shapes that the labels were taken from.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
+use crate::common;
 
 use common::{around_right_breast, field_of_view, from_zero, labels, p95_and_max, torso};
 use mammotwin_data::{

@@ -1,7 +1,5 @@
 //! Round trips of a volunteer's body: supine shape, stress-free shape, supine shape.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     progress::Silent,
     study::{Elements, InterfaceKind, InterfacePlan, LayerPlan, MeshPlan, ModelPlan},

@@ -4,8 +4,6 @@
 //!
 //! Without the phantoms that `MAMMOTWIN_DATA` names, this test says so and passes.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use flate2::read::GzDecoder;
 use mammotwin_data::{
     Vec3,

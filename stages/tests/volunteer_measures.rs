@@ -1,8 +1,6 @@
 //! What is measured of a breast against the digital volunteer, whose skin, nipple and gland are known:
 //! stress-free, on voxels of 1 mm, from her true labels.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
 use mammotwin_data::{
     Vec3,
     io::nifti::{self, Version},

@@ -1,7 +1,5 @@
 //! An analytic chest: its wall, its tissues and the shading of its images are known.
 
-#![allow(dead_code)] // each test takes what it needs
-
 use mammotwin_data::Vec3;
 use mammotwin_data::labels::Tissue;
 use mammotwin_data::rigid::RigidTransform;

@@ -1,7 +1,5 @@
 //! Every law, with constants that make it differ from the others.
 
-#![allow(dead_code)]
-
 use mammotwin_data::study::{LawConstants, LawName, OgdenTerms};
 use mammotwin_solver::materials::Law;
 use mammotwin_solver::materials::gent_coupled::GentCoupled;

@@ -1,7 +1,5 @@
 //! Loads that only tests need.
 
-#![allow(dead_code)]
-
 use mammotwin_data::Vec3;
 use mammotwin_solver::materials::MaterialError;
 use mammotwin_solver::mesh::quadratic::FACE_EDGES;

@@ -1,7 +1,5 @@
 //! Meshes of simple shapes: a triangulated base in layers, and what is on their outside.
 
-#![allow(dead_code)]
-
 use mammotwin_data::{Vec3, labels::Tissue, mesh::Patch, mesh::TetMesh};
 use std::collections::BTreeMap;
 

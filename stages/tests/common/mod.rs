@@ -1,7 +1,5 @@
 //! Shapes of digital volunteers as labels, and how far a place is from them.
 
-#![allow(dead_code)] // each test uses its part
-
 use mammotwin_data::{
     Vec3,
     labels::{LabelMap, Side, Tissue},
