@@ -10,6 +10,7 @@ pub use measured::{Measured, PoseOutcome, ScanOutcome, Target};
 use mammotwin_data::{
     Failure,
     io::dicom::Intent,
+    labels::LabelMap,
     store::{Entry, Run, Stored},
     study::{CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
     surface::TriMesh,
@@ -30,6 +31,7 @@ use mammotwin_stages::{
     mammogram::{Mammogram, Mammograms},
     mesh::{BreastMesh, Mesh},
     monte_carlo::MonteCarlo,
+    muscle::PectoralMuscle,
     phantom::{CompressedPhantom, Phantom},
     quality::{Metrics, Quality},
     results::{Provenance, StageRecord},
@@ -171,6 +173,21 @@ pub(crate) fn body(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     Ok(Outcome { reference, measured, mesh, calibration, validations, fiducials, squeezed: None })
 }
 
+/// The mesh of a pose with these labels, with its muscle where that is deformable.
+pub(crate) fn meshed(
+    study: &Study,
+    meshing: MeshPlan,
+    label: &str,
+    labels: &Stored<LabelMap>,
+    run: &Run<'_>,
+) -> Result<Stored<BreastMesh>, Failure> {
+    let mesh = run.stage(label, &Mesh(meshing), labels)?;
+    match study.model.muscle.rigid {
+        true => Ok(mesh),
+        false => run.stage(label, &PectoralMuscle, (&mesh, labels)),
+    }
+}
+
 /// The mesh of the reference pose, stress-free shape and moduli, with elements of one's own choice.
 fn calibrated(
     study: &Study,
@@ -181,7 +198,7 @@ fn calibrated(
 ) -> Result<(Stored<BreastMesh>, Stored<Calibration>), Failure> {
     let reference = study.reference_pose();
     let first = &measured.images[reference];
-    let mesh = run.stage(label, &Mesh(meshing), &first.labels)?;
+    let mesh = meshed(study, meshing, label, &first.labels, run)?;
     let Fitted { names, motions, surfaces } = fitted(study, measured);
     let calibrate = Calibrate {
         model: study.model.clone(),
@@ -215,6 +232,11 @@ pub fn discover(
     effects: &[&'static Effect],
     run: &Run<'_>,
 ) -> Result<Found, Failure> {
+    if !study.model.muscle.rigid {
+        let why = "model.muscle.rigid: effects are looked for with quadratic elements, which a deformable muscle does \
+            not have; set it to true";
+        return Err(Failure::BadInput(why.into()));
+    }
     let Outcome { reference, measured, mesh, calibration, .. } = self::run(study, run)?;
     let (meshing, mesh, calibration) = match study.mesh.elements {
         Elements::Quadratic => (study.mesh, mesh, calibration),

@@ -4,14 +4,16 @@
 //! same bits for any number of threads. Each node has four unknowns, three displacements and a
 //! pressure, kept together in the elimination order; fixed ones and absent pressures are left out.
 
+pub mod moved;
 mod shift;
 mod slots;
 
 use crate::linear::{Ldlt, LinearError, Pattern};
 use crate::model::{Model, ModelError};
 use crate::ordering::{Graph, elimination_order};
-use crate::terms::{At, Block, ContactCheck, Curvature, Load, Order, Refusal};
+use crate::terms::{At, Block, ContactCheck, Curvature, Load, Order, Refusal, Term};
 use mammotwin_data::{Vec3, solution::Solution};
+use moved::Moved;
 use rayon::prelude::*;
 use slots::{NONE, pattern_of, scatter, slots_of};
 use std::sync::Arc;
@@ -33,6 +35,8 @@ pub struct State {
     pub shear_kpa: Arc<[f64]>,
     /// What is switched on.
     pub load: Load,
+    /// Contacts whose elements touch other nodes than those of the model.
+    pub moved: Moved,
 }
 
 /// The term and element that refused a state.
@@ -65,9 +69,17 @@ impl Assembly {
     /// # Errors
     /// A free node without tissue, or too little memory.
     pub fn new(model: &Model) -> Result<Self, AssemblyError> {
+        Self::moved(model, &Moved::default())
+    }
+
+    /// The same where contacts have moved on.
+    ///
+    /// # Errors
+    /// As [`Assembly::new`].
+    pub fn moved(model: &Model, moved: &Moved) -> Result<Self, AssemblyError> {
         let nodes = model.rest.len();
-        let all =
-            || model.terms().iter().flat_map(|t| (0..t.elements()).map(move |e| (t.as_ref(), e)));
+        let terms = moved.terms(model);
+        let all = || terms.iter().flat_map(|&t| (0..t.elements()).map(move |e| (t, e)));
         let graph = Graph::of_elements(nodes, all().map(|(t, e)| t.nodes(e)));
         let order = elimination_order(&graph);
         let mut has_pressure = vec![false; nodes];
@@ -99,7 +111,7 @@ impl Assembly {
             }
         }
         let pattern = pattern_of(&graph, &unknowns, count as usize);
-        let slots = model.terms().iter().map(|t| slots_of(t.as_ref(), &unknowns, &pattern));
+        let slots = terms.iter().map(|&t| slots_of(t, &unknowns, &pattern));
         let mut assembly = Self {
             slots: slots.collect(),
             constant: vec![0.0; pattern.rows.len()],
@@ -177,7 +189,7 @@ impl Assembly {
     ) -> Result<f64, EnergyError> {
         let mut energy = 0.0;
         let mut dilatation = vec![0.0; self.pressures()];
-        for (index, term) in model.terms().iter().enumerate() {
+        for (index, &term) in state.terms(model).iter().enumerate() {
             let at = At { points, pressure: &[], ..state.at(index) };
             let parts: Vec<Result<(f64, f64), Refusal>> = (0..term.elements())
                 .into_par_iter()
@@ -235,7 +247,7 @@ impl Assembly {
         values.clear();
         values.extend_from_slice(&self.constant);
         let mut blocks = vec![Block::ZERO; CHUNK];
-        for (index, term) in model.terms().iter().enumerate() {
+        for (index, &term) in state.terms(model).iter().enumerate() {
             let mut slots = self.slots[index].iter();
             let evaluate = |element: usize, block: &mut Block| {
                 block.clear(term.nodes(element).len());
@@ -271,8 +283,9 @@ impl Assembly {
         model: &Model,
         state: &State,
     ) -> Result<Vec<Vec<Vec3>>, TermRefusal> {
+        let terms = state.terms(model);
         let one = |index: usize| {
-            let term = &model.terms()[index];
+            let term = terms[index];
             let mut gradient = vec![Vec3::zeros(); model.rest.len()];
             let mut blocks = vec![Block::ZERO; CHUNK.min(term.elements())];
             let evaluate = |element: usize, block: &mut Block| {
@@ -344,7 +357,7 @@ impl Assembly {
 impl State {
     /// Stores what the next load step must know of this one.
     pub(crate) fn accept(&mut self, model: &Model) {
-        for (term, memory) in model.terms().iter().zip(&mut self.memory) {
+        for (term, memory) in self.moved.terms(model).iter().zip(&mut self.memory) {
             term.accept(&self.points, self.load, memory);
         }
     }
@@ -362,7 +375,13 @@ impl State {
             memory,
             shear_kpa: shear_kpa.into(),
             load,
+            moved: Moved::default(),
         }
+    }
+
+    /// The terms of the model, those that have moved on among them.
+    pub fn terms<'a>(&'a self, model: &'a Model) -> Vec<&'a dyn Term> {
+        self.moved.terms(model)
     }
 
     /// What term `index` sees.
@@ -379,13 +398,19 @@ impl State {
 
     /// The worst of all contacts.
     pub fn contact(&self, model: &Model) -> ContactCheck {
-        let each = model.terms().iter().enumerate().filter_map(|(n, t)| t.contact(&self.at(n)));
+        let terms = self.terms(model).into_iter().enumerate();
+        let each = terms.filter_map(|(n, t)| t.contact(&self.at(n)));
         each.fold(ContactCheck::default(), ContactCheck::worst)
+    }
+
+    /// Lets contacts move on to the elements that their nodes are over; whether any did.
+    pub fn moves_on(&mut self, model: &Model) -> bool {
+        self.moved.follow(model, &self.points)
     }
 
     /// Lets every contact update its multipliers.
     pub fn update_multipliers(&mut self, model: &Model) {
-        for (term, memory) in model.terms().iter().zip(&mut self.memory) {
+        for (term, memory) in self.moved.terms(model).iter().zip(&mut self.memory) {
             term.update_multipliers(&self.points, &self.shear_kpa, self.load, memory);
         }
     }
@@ -398,7 +423,7 @@ impl State {
     /// Fields of a solution that the terms know.
     pub fn report(&self, model: &Model) -> Solution {
         let mut solution = Solution { points: self.points.clone(), ..Solution::default() };
-        for (index, term) in model.terms().iter().enumerate() {
+        for (index, term) in self.terms(model).iter().enumerate() {
             term.report(&self.at(index), &mut solution);
         }
         solution

@@ -7,7 +7,7 @@
 //! curvature with long strides, where a Hessian made convex element by element creeps. A step that
 //! inverts an element or passes a limiting stretch has infinite energy and is shortened.
 
-use crate::assemble::{Assembly, EnergyError, State};
+use crate::assemble::{Assembly, AssemblyError, EnergyError, State, moved::Moved};
 use crate::linear::Ldlt;
 use crate::model::Model;
 use crate::terms::{At, Curvature, Load};
@@ -127,6 +127,8 @@ fn stride(direction: &[Vec3]) -> f64 {
 pub struct Newton {
     /// Sums of the terms.
     pub assembly: Assembly,
+    /// The contacts that it was analysed with.
+    moved: Moved,
     system: Ldlt,
     gradient: Vec<Vec3>,
     values: Vec<f64>,
@@ -141,11 +143,12 @@ impl Newton {
     ///
     /// # Errors
     /// A free node without tissue, or too little memory.
-    pub fn new(model: &Model) -> Result<Self, crate::assemble::AssemblyError> {
+    pub fn new(model: &Model) -> Result<Self, AssemblyError> {
         let assembly = Assembly::new(model)?;
         let system = Ldlt::analyse(assembly.pattern().clone())?;
         Ok(Self {
             assembly,
+            moved: Moved::default(),
             system,
             gradient: Vec::new(),
             values: Vec::new(),
@@ -153,6 +156,24 @@ impl Newton {
             step: Vec::new(),
             excess: 0,
         })
+    }
+
+    /// Analyses the model anew where contacts of `state` have moved on.
+    fn follow(&mut self, model: &Model, state: &State) -> Result<(), NewtonError> {
+        if self.moved.same(&state.moved) {
+            return Ok(());
+        }
+        let analysed = Assembly::moved(model, &state.moved).and_then(|assembly| {
+            let system = Ldlt::analyse(assembly.pattern().clone())?;
+            Ok((assembly, system))
+        });
+        let cause = |error| match error {
+            AssemblyError::Linear(error) => NewtonError::Start(EnergyError::Linear(error)),
+            AssemblyError::Model(_) => NewtonError::Start(EnergyError::NotFinite),
+        };
+        (self.assembly, self.system) = analysed.map_err(cause)?;
+        self.moved = state.moved.clone();
+        Ok(())
     }
 
     /// Moves `state` to a minimum of the energy and returns the number of iterations; `first` are
@@ -178,6 +199,7 @@ impl Newton {
         options: &NewtonOptions,
         first: Curvature,
     ) -> Result<usize, NewtonError> {
+        self.follow(model, state)?;
         let mut pressure = Vec::new();
         let mut energy = self
             .assembly
@@ -247,7 +269,7 @@ impl Newton {
     /// Moves a state that is in balance along the path of equilibria towards the load `target`, to
     /// first order, as far as the energy there falls; the state's load becomes `target`.
     pub fn predict(&mut self, model: &Model, state: &mut State, target: Load) {
-        if state.load == target {
+        if state.load == target || self.follow(model, state).is_err() {
             return;
         }
         let mut moved = state.clone();
@@ -327,7 +349,8 @@ impl Newton {
     /// Directions in which the energy falls to second order from a state: negative eigenvalues of its
     /// exact second derivatives beyond those of the pressures. Zero where it has none.
     pub fn falling(&mut self, model: &Model, state: &State) -> usize {
-        if self.derivatives(model, state, Curvature::Exact).is_err() {
+        let known = self.follow(model, state);
+        if known.and_then(|()| self.derivatives(model, state, Curvature::Exact)).is_err() {
             return 0;
         }
         // Motions that cost nothing, as those of a body that slips, do not count.
@@ -363,7 +386,7 @@ impl Newton {
     ) -> Vec<Vec3> {
         let step: Vec<Vec3> = direction.iter().map(|d| length * d).collect();
         let mut points: Vec<Vec3> = from.iter().zip(&step).map(|(p, d)| p + d).collect();
-        for (index, term) in model.terms().iter().enumerate() {
+        for (index, term) in state.terms(model).iter().enumerate() {
             term.keep_to_surface(&At { points: from, ..state.at(index) }, &step, &mut points);
         }
         for (node, (point, from)) in points.iter_mut().zip(from).enumerate() {

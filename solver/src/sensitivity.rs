@@ -113,7 +113,7 @@ impl<'a> Linearised<'a> {
         path: &[Load],
         options: &Options,
     ) -> Result<(Solution, Self), SensitivityError> {
-        if let Some(term) = model.terms().iter().find(|term| term.lags()) {
+        if let Some(term) = model.terms().iter().find(|term| term.lags() || term.gives_way()) {
             return Err(SensitivityError::Lags(term.name().into()));
         }
         let (mut newton, mut state) = solve::prepare(model, start, first)?;

@@ -310,6 +310,9 @@ pub(crate) fn walk(
 const ROUNDS: usize = 20;
 const FRICTION_ROUNDS: usize = 40;
 
+/// Most times that contacts may move on to other elements at one load.
+const MOVES: usize = 40;
+
 /// A round of multipliers that leaves more than this part of the gap wants stiffer penalties.
 const SHRINKING: f64 = 0.25;
 /// How much stiffer.
@@ -327,8 +330,8 @@ fn balance(
     counts: &mut Checks,
 ) -> Result<(), Failure> {
     let (mut before, mut stiffened) = (f64::INFINITY, 0);
-    let (mut rounds, mut tight) = (0, 0);
-    while rounds < ROUNDS && tight < FRICTION_ROUNDS {
+    let (mut rounds, mut tight, mut moves) = (0, 0, 0);
+    while rounds < ROUNDS && tight < FRICTION_ROUNDS && moves < MOVES {
         let found = newton.minimise(model, state, &options.newton, first);
         first = Curvature::Exact;
         counts.iterations += *found.as_ref().unwrap_or(&options.newton.max_iterations);
@@ -337,9 +340,12 @@ fn balance(
         tracing::debug!(?contact, load = ?state.load, "contact after a minimum");
         let open = contact.open_mm();
         let is_tight = open <= options.contact_mm;
-        if is_tight && contact.friction_lag <= options.friction {
+        let settled = is_tight && contact.friction_lag <= options.friction;
+        let moved = state.moves_on(model);
+        if settled && !moved {
             return Ok(());
         }
+        moves += usize::from(moved);
         state.update_multipliers(model);
         if is_tight {
             tight += 1;
@@ -373,7 +379,7 @@ pub(crate) fn finish(
     let middle = state.points.iter().sum::<Vec3>() / state.points.len().max(1) as f64;
     let arms: Vec<Vec3> = state.points.iter().map(|p| p - middle).collect();
     let (mut turned, mut most) = (Vec3::zeros(), f64::MIN_POSITIVE);
-    for (term, gradient) in model.terms().iter().zip(&gradients) {
+    for (term, gradient) in state.terms(model).iter().zip(&gradients) {
         let force = -gradient.iter().sum::<Vec3>();
         scale = scale.max(gradient.iter().map(|g| g.norm()).sum());
         total.iter_mut().zip(gradient).for_each(|(sum, g)| *sum += g);

@@ -127,6 +127,8 @@ pub struct Compression {
     pub side: Side,
     /// The breast's part of the mesh, in its stress-free shape.
     pub mesh: TetMesh,
+    /// The muscle behind it where that is deformable, on the last nodes of `mesh`.
+    pub muscle: Vec<[u32; 4]>,
     /// The breast between the plates.
     pub solution: Solution,
     /// Contact pressure (kPa) at the nodes.
@@ -296,6 +298,7 @@ fn result(
     let steps = steps.map(|s| LoadStep::of(s, &to_detector, origin_mm, edge_mm(s))).collect();
     Compression {
         side,
+        muscle: Vec::new(),
         mesh: TetMesh { points, ..mesh },
         solution: done.solution.moved(&to_detector),
         contact_pressure_kpa: last.map_or(vec![0.0; nodes], |s| s.contact_pressure_kpa.clone()),
@@ -323,6 +326,9 @@ impl Artifact for Compression {
         let mut file = hdf5::Writer::create(path)?;
         file.frame(hdf5::Frame::Detector)?;
         file.put_mesh("mesh", &self.mesh)?;
+        if !self.muscle.is_empty() {
+            file.put("muscle", &self.muscle, "1", "tetrahedra of the muscle")?;
+        }
         file.put_solution("solution", &self.solution)?;
         let pressure = &self.contact_pressure_kpa;
         file.put("contact_pressure", pressure, "kPa", "contact pressure at the nodes")?;
@@ -362,6 +368,7 @@ impl Artifact for Compression {
             nominal_thickness_mm: file.scalar("nominal_thickness")?,
             met: file.json("met")?,
             mesh: file.mesh("mesh")?,
+            muscle: if file.has("muscle") { file.get("muscle")? } else { Vec::new() },
             solution: file.solution("solution")?,
             contact_pressure_kpa: file.get("contact_pressure")?,
             thickness_mm: file.scalar("thickness")?,
@@ -381,6 +388,7 @@ impl Compression {
     pub(crate) fn of_course(curve: Course) -> Self {
         Self {
             side: Side::Right,
+            muscle: Vec::new(),
             mesh: TetMesh::default(),
             solution: Solution::default(),
             contact_pressure_kpa: Vec::new(),

@@ -23,6 +23,7 @@ pub mod measure;
 pub mod mesh;
 pub mod model;
 pub mod monte_carlo;
+pub mod muscle;
 pub mod phantom;
 pub mod pictures;
 pub mod place;

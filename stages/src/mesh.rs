@@ -1,6 +1,6 @@
 //! Labels of the reference pose to tetrahedra on a smooth chest wall.
 
-use crate::model::{Anatomy, Quadratic};
+use crate::model::{Anatomy, Muscle, Quadratic};
 use mammotwin_data::{
     Failure, Vec3,
     io::hdf5,
@@ -26,7 +26,7 @@ use serde::Serialize;
 use std::{borrow::Cow, path::Path};
 
 /// Spacing (mm) of the chest wall's distance field: smooth, since contact needs its curvature.
-const WALL_SPACING_MM: f64 = 3.0;
+pub(crate) const WALL_SPACING_MM: f64 = 3.0;
 /// Spacing (mm) of the skin's distance field.
 const SKIN_SPACING_MM: f64 = 2.0;
 /// Skin and fat in front of the chest wall are at least so many edges thick: thinner ones would
@@ -52,6 +52,9 @@ pub struct BreastMesh {
     pub wall: Volume<f32>,
     /// Where the breasts are.
     pub anatomy: Anatomy,
+    /// The pectoral muscle, where it is deformable: its nodes are the last of `mesh`, whose tetrahedra and
+    /// patches are those of the breasts alone.
+    pub muscle: Option<Muscle>,
     /// Shape of the elements.
     pub quality: Quality,
 }
@@ -88,6 +91,9 @@ impl Artifact for BreastMesh {
         file.put_volume("wall", &self.wall, "mm", "signed distance in front of the chest wall")?;
         file.put_json("anatomy", &self.anatomy, "bases of the breasts on the chest wall")?;
         file.put_json("quality", &self.quality, "shape measures of the tetrahedra")?;
+        if let Some(muscle) = &self.muscle {
+            file.put_json("muscle", muscle, "tetrahedra behind the breasts, on the last nodes")?;
+        }
         Ok(file.finish()?)
     }
 
@@ -100,6 +106,7 @@ impl Artifact for BreastMesh {
             mesh,
             wall: file.volume("wall")?,
             anatomy: file.json("anatomy")?,
+            muscle: if file.has("muscle") { Some(file.json("muscle")?) } else { None },
             quality: file.json("quality")?,
         })
     }
@@ -243,7 +250,7 @@ fn sink(wall: &mut Volume<f32>, skin: &GridDistance, cover: f64) {
 }
 
 /// The larger of two values, once differentiable: rounded where they differ by less than `width`.
-fn soft_max(a: f64, b: f64, width: f64) -> f64 {
+pub(crate) fn soft_max(a: f64, b: f64, width: f64) -> f64 {
     let near = (width - (a - b).abs()).max(0.0);
     a.max(b) + 0.25 * near * near / width
 }
@@ -318,7 +325,7 @@ impl Mesh {
                 (parts, Some(quadratic))
             }
         };
-        Ok(BreastMesh { mesh, quadratic, wall, anatomy, quality })
+        Ok(BreastMesh { mesh, quadratic, wall, anatomy, muscle: None, quality })
     }
 }
 

@@ -12,6 +12,7 @@ use crate::{calibrate::Calibration, compress::Compression, measure::PoseMeasures
 use mammotwin_data::{
     Failure, Mat3, Vec3,
     io::hdf5::{Curve, Field, Frame, Step, Writer},
+    labels::Tissue,
     mesh::TetMesh,
     metric::Metric,
     solution::{Solution, von_mises_kpa},
@@ -32,6 +33,8 @@ pub struct Results<'a> {
     pub shown: Option<&'a State<'a>>,
     /// The calibration, and the stress-free shape that belongs to the fitted moduli.
     pub calibration: Option<(&'a Calibration, &'a TetMesh)>,
+    /// Tetrahedra of a deformable muscle on the nodes of that shape.
+    pub muscle: &'a [[u32; 4]],
     /// Nodes of that shape which are the nipples, right first.
     pub nipple_nodes: &'a [u32],
     /// The poses, the reference first.
@@ -61,6 +64,8 @@ pub struct State<'a> {
     pub rest: &'a TetMesh,
     /// The state.
     pub solution: &'a Solution,
+    /// Tetrahedra of a deformable muscle on the same nodes.
+    pub muscle: &'a [[u32; 4]],
     /// Further fields at the nodes, contact pressure for example.
     pub point_fields: &'a [Field],
 }
@@ -94,13 +99,21 @@ pub fn write(path: &Path, results: &Results) -> Result<(), Failure> {
     file.frame(Frame::Ras)?;
     file.integer_attribute("/", "schema_version", &[SCHEMA_VERSION])?;
     if let Some(state) = results.shown {
-        let (points, cells) = fields(state);
-        file.put_vtkhdf(state.rest, &state.solution.points, &points, &cells)?;
+        if state.muscle.is_empty() {
+            let (points, cells) = fields(state);
+            file.put_vtkhdf(state.rest, &state.solution.points, &points, &cells)?;
+        } else {
+            let (rest, solution) = with_muscle(state);
+            let both = State { rest: &rest, solution: &solution, ..*state };
+            let (points, cells) = fields(&both);
+            file.put_vtkhdf(&rest, &solution.points, &points, &cells)?;
+        }
         file.attribute("VTKHDF", "long_name", state.long_name)?;
     }
     if let Some((found, rest)) = results.calibration {
         let fitted = &results.study.calibrate.parameters;
         poses::put_calibration(&mut file, found, fitted, rest)?;
+        compression::put_muscle(&mut file, "calibration/muscle/tets", results.muscle)?;
         let long_name = "Nodes that are the nipples, right and left";
         file.put("calibration/nipple_nodes", results.nipple_nodes, "1", long_name)?;
     }
@@ -147,6 +160,24 @@ pub fn write_series(path: &Path, states: &[State]) -> Result<(), Failure> {
     file.put_vtkhdf_steps(first.rest, &steps, "1", "Number of the state")?;
     file.put_texts("states", &names, "Names of the states")?;
     Ok(file.finish()?)
+}
+
+/// Breast and muscle as one mesh in one state. The stress of the muscle is not known: NaN.
+fn with_muscle(state: &State) -> (TetMesh, Solution) {
+    let (mut rest, mut solution) = (state.rest.clone(), state.solution.clone());
+    for tet in state.muscle {
+        let edges = |points: &[Vec3]| {
+            let [a, b, c, d] = tet.map(|n| points[n as usize]);
+            Mat3::from_columns(&[b - a, c - a, d - a])
+        };
+        let inverse = edges(&state.rest.points).try_inverse();
+        let gradient = inverse.map(|inverse| edges(&state.solution.points) * inverse);
+        rest.tets.push(*tet);
+        rest.tissues.push(Tissue::PectoralMuscle);
+        solution.deformation_gradient.push(gradient.unwrap_or(Mat3::repeat(f64::NAN)));
+        solution.cauchy_kpa.push(Mat3::repeat(f64::NAN));
+    }
+    (rest, solution)
 }
 
 /// Fields at the nodes and in the tetrahedra; displacement and mean stress come first.
@@ -265,6 +296,7 @@ mod tests {
             study: &study,
             shown: None,
             calibration: None,
+            muscle: &[],
             nipple_nodes: &[],
             poses: &[],
             measures: &[],

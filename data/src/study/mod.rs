@@ -299,9 +299,9 @@ impl LayerPlan {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct MusclePlan {
-    /// A rigid support; the only choice so far.
+    /// A rigid support; otherwise a body of its own, linear elements from the chest wall to the ribs.
     pub rigid: bool,
-    /// Young's modulus (kPa); noted, not used, while the muscle is rigid.
+    /// Young's modulus (kPa); noted, not used, where the muscle is rigid.
     pub young_kpa: f64,
 }
 

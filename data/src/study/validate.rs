@@ -1,9 +1,9 @@
 //! Reads a study and refuses what cannot be meant.
 
 use super::{
-    ComfortPlan, CompressPlan, LawConstants, LawName, LayerPlan, ModelPlan, Pose, ReceptorName,
-    RegionPlan, Scan, Study, Use, View, locate::Places, validate_clamp, validate_mammogram,
-    validate_paddles, wording,
+    ComfortPlan, CompressPlan, Elements, InterfaceKind, LawConstants, LawName, LayerPlan,
+    ModelPlan, Pose, ReceptorName, RegionPlan, Scan, Study, Use, View, locate::Places,
+    validate_clamp, validate_mammogram, validate_paddles, wording,
 };
 use crate::Vec3;
 use std::ops::Range;
@@ -103,6 +103,7 @@ fn check(study: &Study) -> Checked {
         within(&format!("{path}.thickness_mm"), record.thickness_mm, 5.0, 200.0)?;
     }
     model(&study.model)?;
+    muscle(study)?;
     within("mesh.size_mm", study.mesh.size_mm, 0.5, 50.0)?;
     known("calibrate.parameters", &study.calibrate.parameters, &CALIBRATED)?;
     if !study.calibrate.parameters.is_empty() {
@@ -237,9 +238,6 @@ fn model(model: &ModelPlan) -> Checked {
     layer("model.skin", &model.skin)?;
     layer("model.fascia", &model.fascia)?;
     modulus("model.muscle.young_kpa", model.muscle.young_kpa)?;
-    if !model.muscle.rigid {
-        return refuse("model.muscle.rigid", "a deformable muscle is not modelled; set it to true");
-    }
     modulus("model.ligaments.young_kpa", model.ligaments.young_kpa)?;
     known("model.ligaments.names", &model.ligaments.names, &LIGAMENTS)?;
     contact("model.interface", &model.interface.of(None))?;
@@ -253,6 +251,33 @@ fn model(model: &ModelPlan) -> Checked {
             return refuse(&path, format!("not known; there are: {}", EFFECTS.join(", ")));
         }
         within(&path, *amplitude, -100.0, 100.0)?;
+    }
+    Ok(())
+}
+
+/// A deformable muscle has linear elements, and no friction.
+fn muscle(study: &Study) -> Checked {
+    if study.model.muscle.rigid {
+        return Ok(());
+    }
+    if study.mesh.elements != Elements::Linear {
+        let why = "a deformable muscle has linear elements; set mesh.elements to \"linear\", or this to true";
+        return refuse("model.muscle.rigid", why);
+    }
+    let interface = &study.model.interface;
+    let regions = interface.regions.values().copied();
+    for plan in regions.chain([interface.of(None)]) {
+        let glides = plan.kind == InterfaceKind::NoSeparation && plan.coefficient() == 0.0;
+        if plan.kind != InterfaceKind::Bonded && !glides {
+            let why = format!(
+                "on a deformable muscle a breast is bonded or slides without friction and separation, not {} with a \
+                 friction of {}; set model.interface.kind to \"bonded\", or to \"no_separation\" with friction = 0.0, \
+                 or this to true",
+                plan.kind.name(),
+                plan.coefficient()
+            );
+            return refuse("model.muscle.rigid", why);
+        }
     }
     Ok(())
 }

@@ -5,16 +5,13 @@ pub mod profiles;
 
 pub use page::{errors, page, sweeps, thesis_sweeps};
 
-use crate::graph::{Fitted, fitted, gravity, measured};
+use crate::graph::{Fitted, fitted, gravity, measured, meshed};
 use mammotwin_data::{
     Failure,
     store::{Run, Stored},
     study::Study,
 };
-use mammotwin_stages::{
-    mesh::Mesh,
-    sensitivity::{ErrorRow, Errors, Parameter, Sweep, Swept},
-};
+use mammotwin_stages::sensitivity::{ErrorRow, Errors, Parameter, Sweep, Swept};
 
 /// What [`vary`] makes.
 #[derive(Debug)]
@@ -45,7 +42,7 @@ pub fn vary(
     let reference = study.reference_pose();
     let measured = measured(study, reference, run)?;
     let first = &measured.images[reference];
-    let mesh = run.stage("", &Mesh(study.mesh), &first.labels)?;
+    let mesh = meshed(study, study.mesh, "", &first.labels, run)?;
     let sweep = |(parameter, values): &(Parameter, Vec<f64>)| {
         let (parameter, values) = (*parameter, values.clone());
         let sweep = Sweep { model: study.model.clone(), parameter, values };

@@ -14,7 +14,7 @@ impl Assembly {
     pub fn shift(&self, model: &Model, state: &State, values: &mut Vec<f64>) {
         values.clear();
         values.resize(self.pattern.rows.len(), 0.0);
-        for (index, term) in model.terms().iter().enumerate() {
+        for (index, &term) in state.terms(model).iter().enumerate() {
             let at = state.at(index);
             let mut block = Block::ZERO;
             let mut slots = &self.slots[index][..];

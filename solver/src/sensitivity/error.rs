@@ -10,9 +10,9 @@ pub enum SensitivityError {
     /// There is no equilibrium to begin with.
     #[error(transparent)]
     Solve(#[from] SolveError),
-    /// A term that remembers its way.
+    /// A term that remembers its way, or whose surface moves on to other elements.
     #[error(
-        "{0}: its forces lag behind the state; derivatives want contacts without friction and foam"
+        "{0}: its forces lag behind the state; derivatives want contacts without friction and foam, on surfaces that do not give way"
     )]
     Lags(String),
     /// The state is no minimum, or nearly none.

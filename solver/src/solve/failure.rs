@@ -80,7 +80,7 @@ pub(super) fn stopped(
 
 /// The element that refused a state.
 fn of_refusal(model: &Model, state: &State, at: &TermRefusal) -> Place {
-    let (term, element) = (&model.terms()[at.term], at.refusal.element);
+    let (term, element) = (state.terms(model)[at.term], at.refusal.element);
     let nodes = term.nodes(element);
     let mm = nodes.iter().map(|&n| state.points[n as usize]).sum::<Vec3>() / nodes.len() as f64;
     Place { term: term.name().into(), element, node: None, mm }
@@ -104,7 +104,7 @@ fn of_contact(
     size: impl Fn(&ContactCheck) -> f64,
     element: impl Fn(&ContactCheck) -> usize,
 ) -> Place {
-    let checks = model.terms().iter().enumerate();
+    let checks = state.terms(model).into_iter().enumerate();
     let checks = checks.filter_map(|(n, term)| Some((term, term.contact(&state.at(n))?)));
     let worst = checks.max_by(|a, b| size(&a.1).total_cmp(&size(&b.1)));
     let Some((term, check)) = worst else { return of_node(model, &state.points, 0) };

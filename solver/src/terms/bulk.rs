@@ -153,7 +153,11 @@ impl Term for Bulk {
         solid::raise_shear(&self.tets, &self.laws, shear_kpa);
     }
 
+    /// The fields of a solution are those of the first body of a model.
     fn report(&self, at: &At, solution: &mut Solution) {
+        if !solution.deformation_gradient.is_empty() {
+            return;
+        }
         let mut weights = vec![0.0; at.points.len()];
         solution.mean_stress_kpa = vec![0.0; at.points.len()];
         solution.deformation_gradient = Vec::with_capacity(self.tets.len());

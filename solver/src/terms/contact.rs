@@ -216,7 +216,7 @@ impl Contact {
     }
 
     /// Multiplier (kPa) and stiffness (kPa/mm) along the normal, both over the node's own area.
-    fn normal_law(&self, element: usize, memory: &[f64], shear_kpa: &[f64]) -> (f64, f64) {
+    pub fn normal_law(&self, element: usize, memory: &[f64], shear_kpa: &[f64]) -> (f64, f64) {
         match &self.foam {
             Some(foam) => (0.0, foam.stiffness * memory[element]),
             None => (memory[element], self.penalty(element, shear_kpa)),

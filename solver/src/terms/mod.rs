@@ -9,6 +9,7 @@ pub mod cable;
 pub mod contact;
 pub mod fibres;
 pub mod friction;
+pub mod gliding;
 pub mod gravity;
 pub mod grid_distance;
 pub mod membrane;
@@ -29,6 +30,7 @@ pub use cable::{Cable, Cables};
 pub use contact::{NodeForce, Opening, Touching};
 pub use fibres::Fibres;
 pub use friction::Slip;
+pub use gliding::{Front, Gliding};
 pub use gravity::Gravity;
 pub use grid_distance::GridDistance;
 pub use membrane::Membrane;
@@ -43,6 +45,7 @@ use crate::{
 };
 use mammotwin_data::{Mat3, Vec3, solution::Solution};
 use nalgebra::{DMatrix, SMatrix};
+use std::sync::Arc;
 
 /// What is switched on, and how far, at one moment.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -321,6 +324,23 @@ pub trait Term: Send + Sync {
 
     /// The surface that the nodes of all elements glide on and never leave, if there is one.
     fn surface(&self) -> Option<&dyn Target> {
+        None
+    }
+
+    /// The same contact with its elements on what they touch with the nodes at `points` (mm); `None` while
+    /// that is what they have. It has the memory of this one.
+    fn moved_on(&self, _points: &[Vec3]) -> Option<Arc<dyn Term>> {
+        None
+    }
+
+    /// Whether its reactions act on a part of the body, which gives way.
+    fn gives_way(&self) -> bool {
+        false
+    }
+
+    /// Distance (mm) of the first node of an element from the surface that gives way, with the nodes at
+    /// `points` (mm), and its gradient; `None` without such a surface.
+    fn above(&self, _element: usize, _points: &[Vec3]) -> Option<(f64, Vec3)> {
         None
     }
 

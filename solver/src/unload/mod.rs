@@ -5,7 +5,8 @@
 //! inverse motion left, and takes over where it fails.
 //!
 //! No inverse motion exists with friction that depends on the path. Here the path is one load step
-//! from rest, for which both ways work. A contact that may open is left to the fixed point.
+//! from rest, for which both ways work. A contact that may open, or whose surface
+//! gives way, is left to the fixed point.
 
 mod fixed_point;
 mod gmres;
@@ -74,6 +75,11 @@ pub struct Miss {
 }
 
 impl Miss {
+    /// Of loaded nodes from where they are known to be (mm).
+    pub fn between(loaded: &[Vec3], known: &[Vec3]) -> Self {
+        Self::of(&loaded.iter().zip(known).map(|(x, k)| x - k).collect::<Vec<_>>())
+    }
+
     fn of(gap: &[Vec3]) -> Self {
         let squares: f64 = gap.iter().map(|g| g.norm_squared()).sum();
         let max_mm = gap.iter().map(|g| g.norm()).fold(0.0, f64::max);
@@ -153,8 +159,8 @@ pub fn stress_free<E: std::fmt::Display>(
     };
     let mut effort = Effort::default();
     let mut found = None;
-    let opens = model.terms().iter().any(|term| term.may_open());
-    if options.method == Method::Inverse && !opens {
+    let left = model.terms().iter().any(|term| term.may_open() || term.gives_way());
+    if options.method == Method::Inverse && !left {
         let report = |done: f64| progress.report(0.8 * done, "inverse motion");
         let sought = inverse(&known, guess, &build, INVERSE_PART * options.tolerance_mm, &report);
         let sought = sought.map_err(UnloadError::Model)?;

@@ -22,18 +22,34 @@ fn free(model: &Model, node: usize, mut vector: Vec3) -> Vec3 {
     vector
 }
 
+/// Nodes that glide, each with its distance (mm) from the surface and the gradient of that, with the nodes at
+/// `points`.
+fn gliding<'a>(
+    model: &'a Model,
+) -> impl Iterator<Item = (usize, Box<dyn Fn(&[Vec3]) -> (f64, Vec3) + 'a>)> + 'a {
+    model.terms().iter().flat_map(|term| {
+        let wanted = term.surface().is_some() || term.gives_way();
+        (0..if wanted { term.elements() } else { 0 }).map(move |element| {
+            let node = term.nodes(element)[0] as usize;
+            let distance = move |points: &[Vec3]| match term.surface() {
+                Some(surface) => {
+                    let (distance, slope, _) = surface.distance(&points[node]);
+                    (distance, slope)
+                }
+                None => term.above(element, points).unwrap_or((0.0, Vec3::zeros())),
+            };
+            (node, Box::new(distance) as Box<dyn Fn(&[Vec3]) -> (f64, Vec3) + 'a>)
+        })
+    })
+}
+
 /// The surfaces' normals with the nodes at `points` (mm).
 pub(super) fn normals(model: &Model, points: &[Vec3]) -> Normals {
-    let mut normals = Vec::new();
-    for term in model.terms() {
-        let Some(surface) = term.surface() else { continue };
-        for node in (0..term.elements()).flat_map(|e| term.nodes(e)) {
-            let node = *node as usize;
-            let normal = free(model, node, surface.distance(&points[node]).1);
-            normals.extend(normal.try_normalize(LEAST_NORMAL).map(|normal| (node, normal)));
-        }
-    }
-    normals
+    let normal = |(node, distance): (usize, Box<dyn Fn(&[Vec3]) -> (f64, Vec3) + '_>)| {
+        let normal = free(model, node, distance(points).1);
+        normal.try_normalize(LEAST_NORMAL).map(|normal| (node, normal))
+    };
+    gliding(model).filter_map(normal).collect()
 }
 
 /// Takes out of a nodal field what the supports prevent.
@@ -50,21 +66,17 @@ pub(super) fn tangential(model: &Model, normals: &Normals, field: &mut [Vec3]) {
 /// Brings gliding nodes onto their surfaces, along free axes; returns the longest way (mm).
 pub(super) fn onto_surfaces(model: &Model, points: &mut [Vec3]) -> f64 {
     let mut longest: f64 = 0.0;
-    for term in model.terms() {
-        let Some(surface) = term.surface() else { continue };
-        for node in (0..term.elements()).flat_map(|e| term.nodes(e)) {
-            let node = *node as usize;
-            let from = points[node];
-            for _ in 0..ROUNDS {
-                let (distance, slope, _) = surface.distance(&points[node]);
-                let slope = free(model, node, slope);
-                if distance.abs() <= ON_SURFACE_MM || slope.norm() < LEAST_NORMAL {
-                    break;
-                }
-                points[node] -= distance / slope.norm_squared() * slope;
+    for (node, distance) in gliding(model) {
+        let from = points[node];
+        for _ in 0..ROUNDS {
+            let (distance, slope) = distance(points);
+            let slope = free(model, node, slope);
+            if distance.abs() <= ON_SURFACE_MM || slope.norm() < LEAST_NORMAL {
+                break;
             }
-            longest = longest.max((points[node] - from).norm());
+            points[node] -= distance / slope.norm_squared() * slope;
         }
+        longest = longest.max((points[node] - from).norm());
     }
     longest
 }

@@ -142,11 +142,21 @@ impl<'a> Experiment<'a> {
             };
             poses.push(target.measure(solution)?);
         }
+        let miss = match body.muscle {
+            None => found.miss,
+            // Of the breasts alone.
+            Some(muscle) => {
+                let breasts = muscle.first as usize;
+                unload::Miss::between(&found.loaded.points[..breasts], &loaded[..breasts])
+            }
+        };
         let round_trip = RoundTrip {
-            rms_mm: found.miss.rms_mm,
-            max_mm: found.miss.max_mm,
+            rms_mm: miss.rms_mm,
+            max_mm: miss.max_mm,
             off_wall_mm: found.off_surface_mm,
         };
-        Ok(Fit { moduli, round_trip, rest: found.rest, poses })
+        let mut rest = found.rest;
+        body.join(&mut rest);
+        Ok(Fit { moduli, round_trip, rest, poses })
     }
 }

@@ -38,12 +38,15 @@ impl Compress {
             let text = format!("compress.side: the mesh has no {} breast", side.name());
             return Err(Failure::BadInput(text));
         };
-        let part = crop(body.mesh, side, body.anatomy.sternum_x_mm, 0.0);
+        let mut part = crop(body.mesh, side, body.anatomy.sternum_x_mm, 0.0);
+        let muscle = body.muscle.map(|muscle| muscle.cropped(&mut part, &body.mesh.points));
+        let part = part;
         let anatomy = Anatomy { breasts: vec![base.clone()], ..body.anatomy.clone() };
         let (mesh, anatomy) = (&part.mesh, &anatomy);
         let stiffer = 1.0 + self.plan.rate_stiffening;
         let plan = &stiffened(body.plan, stiffer);
-        let body = Body { mesh, anatomy, plan, quadratic: None, wall: body.wall.clone() };
+        let (quadratic, muscle) = (None, muscle.as_ref());
+        let body = Body { mesh, anatomy, plan, quadratic, muscle, wall: body.wall.clone() };
         let moduli =
             Moduli { right_kpa: stiffer * moduli.right_kpa, left_kpa: stiffer * moduli.left_kpa };
         let rest = part.take(start.rest);
@@ -58,7 +61,8 @@ impl Compress {
         let medial = part.mesh.patch_nodes(Patch::Medial);
         let held = |weight: Vec3| {
             let mut model = body.model(&rest, moduli, weight, Some(law))?;
-            for &node in &medial {
+            let behind = muscle.iter().flat_map(|muscle| muscle.behind_nodes(&medial));
+            for node in medial.iter().copied().chain(behind) {
                 model.fix_node(node);
             }
             Ok::<_, Failure>(model)
@@ -109,10 +113,15 @@ impl Compress {
         let fold_mm = axis.dot(&base.fold());
         let closing = self.closing(&plates, &settled, nipple_node, fold_mm)?;
         let part_of = Part { whole: progress, from: 0.1, to: 1.0 };
-        let done = press::compress(model, &plates, &closing, &settled, &options, &part_of)
+        let mut done = press::compress(model, &plates, &closing, &settled, &options, &part_of)
             .map_err(refuse)?;
-        let mesh = TetMesh { points: rest, ..part.mesh };
-        Ok(result(side, mesh, nipple_node, &plates, done))
+        body.join(&mut done.solution.points);
+        done.steps.iter_mut().for_each(|step| body.join(&mut step.points));
+        let mut rest = rest;
+        body.join(&mut rest);
+        let muscle = muscle.map_or(Vec::new(), |muscle| muscle.tets.clone());
+        let mesh = TetMesh { points: rest, ..part.mesh.clone() };
+        Ok(Compression { muscle, ..result(side, mesh, nipple_node, &plates, done) })
     }
 
     /// Both plates come alike to the height of the nipple: the receptor is raised to the breast. Or it stays at
@@ -174,6 +183,7 @@ fn stiffened(plan: &ModelPlan, factor: f64) -> ModelPlan {
     plan.skin.young_kpa *= factor;
     plan.fascia.young_kpa *= factor;
     plan.ligaments.young_kpa *= factor;
+    plan.muscle.young_kpa *= factor;
     plan
 }
 

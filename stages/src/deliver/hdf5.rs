@@ -75,12 +75,14 @@ impl Stage for Deliver {
         let poses = self.poses(calibration, validations, fiducials, motions);
         let pressure: Vec<Field> = compression.iter().flat_map(contact).collect();
         let squeezed = compression.as_ref().map(Compression::in_reference_pose);
+        let muscle = mesh.muscle.as_ref().map_or(&[][..], |muscle| &muscle.tets);
         let shown = match (&squeezed, poses.last()) {
             (Some((rest, solution)), _) => Some(State {
                 name: "compressed",
                 long_name: "Compressed between paddle and receptor",
                 rest,
                 solution,
+                muscle: compression.as_ref().map_or(&[], |found| &found.muscle),
                 point_fields: &pressure,
             }),
             (None, Some(last)) => Some(State {
@@ -88,6 +90,7 @@ impl Stage for Deliver {
                 long_name: &last.after.pose,
                 rest: &rest,
                 solution: &last.after.solution,
+                muscle,
                 point_fields: &[],
             }),
             (None, None) => None,
@@ -119,6 +122,7 @@ impl Stage for Deliver {
             study: &self.study,
             shown: shown.as_ref(),
             calibration: Some((calibration, &rest)),
+            muscle,
             nipple_nodes: &mesh.nipple_nodes(),
             poses: &poses,
             measures: &measured,

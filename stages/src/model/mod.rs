@@ -7,11 +7,13 @@
 mod anatomy;
 mod interface;
 mod ligaments;
+mod muscle;
 mod quadratic;
 mod recipe;
 
 pub use anatomy::{Anatomy, BreastBase, NoBreast};
 pub use ligaments::{CablePlan, LENGTH_MM, Ligament, cables, lateral_cables, region, shared_nodes};
+pub use muscle::{LAYERS, Muscle, THINNEST_MM};
 pub use quadratic::Quadratic;
 pub use recipe::{Recipe, SheetPlan, Tether, TissuePlan};
 
@@ -21,7 +23,7 @@ use mammotwin_data::{
     labels::Side,
     mesh::{Patch, TetMesh},
     solution::Solution,
-    study::{LawConstants, LawName, ModelPlan},
+    study::{InterfaceKind, InterfacePlan, LawConstants, LawName, ModelPlan},
 };
 use mammotwin_solver::{
     materials::LawError,
@@ -82,6 +84,8 @@ pub struct Body<'a> {
     /// Quadratic elements on the nodes of `mesh`, whose tetrahedra are their parts; without it the
     /// tetrahedra of `mesh` are the elements.
     pub quadratic: Option<&'a Quadratic>,
+    /// Muscle behind the breast, on the last nodes of `mesh`; without it the chest wall is rigid.
+    pub muscle: Option<&'a Muscle>,
 }
 
 impl<'a> Body<'a> {
@@ -94,6 +98,7 @@ impl<'a> Body<'a> {
             anatomy: &mesh.anatomy,
             plan,
             quadratic: mesh.quadratic.as_ref(),
+            muscle: mesh.muscle.as_ref(),
         }
     }
 
@@ -110,6 +115,9 @@ impl<'a> Body<'a> {
         law: Option<LawOverride>,
     ) -> Result<Model, Failure> {
         let plan = self.plan;
+        if !plan.muscle.rigid && self.muscle.is_none() {
+            return Err(Failure::BadInput(NO_MUSCLE.into()));
+        }
         let elements = self.quadratic.map_or(self.mesh, |quadratic| &quadratic.parents);
         let recipe = Recipe::new(elements, self.anatomy, plan, rest, moduli, gravity, law)?;
         let mut model = Model::new(&TetMesh { points: rest.to_vec(), ..TetMesh::default() });
@@ -124,12 +132,30 @@ impl<'a> Body<'a> {
                 .and_then(|fibres| model.add(fibres))
                 .map_err(|cause| Failure::BadInput(format!("model: {cause}")))?;
         }
+        if let Some(muscle) = self.muscle {
+            muscle
+                .add(&mut model, self, &recipe, rest)
+                .map_err(|cause| Failure::BadInput(format!("model: {cause}")))?;
+        }
         self.support(&mut model, rest, &recipe)?;
         Ok(model)
     }
 
+    /// Whether a node of the breast's rear is glued to what is behind it.
+    fn is_bonded(&self, plan: &InterfacePlan, node: u32) -> bool {
+        plan.of(interface::part(self, plan, node)).kind == InterfaceKind::Bonded
+    }
+
+    /// Gives the nodes of the muscle's own front what the breast's nodes have (mm) to which they are glued.
+    pub fn join(&self, of_nodes: &mut [Vec3]) {
+        if let Some(muscle) = self.muscle {
+            muscle.follow(of_nodes, |node| self.is_bonded(&self.plan.interface, node));
+        }
+    }
+
     /// A solution of this body's model with its fields on the tetrahedra of the mesh.
-    pub fn spread(&self, solution: Solution) -> Solution {
+    pub fn spread(&self, mut solution: Solution) -> Solution {
+        self.join(&mut solution.points);
         match self.quadratic {
             Some(quadratic) => quadratic.spread(solution),
             None => solution,
@@ -169,9 +195,14 @@ impl<'a> Body<'a> {
         let refuse = |cause: &dyn std::fmt::Display| Failure::BadInput(format!("model: {cause}"));
         interface::support(self, recipe, model, rest).map_err(|c| refuse(&c))?;
         let young_kpa = self.plan.ligaments.young_kpa;
+        let ligaments = match self.muscle {
+            // Both ends of a ligament move with the muscle where the breast is glued to it.
+            Some(_) => recipe.cables_of(|node| !self.is_bonded(&recipe.interface, node)),
+            None => recipe.cables_of(|_| true),
+        };
         let sides = lateral_cables(self.mesh, rest);
         let sides = sides.iter().map(|cable| recipe::tied(cable, young_kpa, 0.0)).collect();
-        for (name, cables) in [("ligaments", recipe.cables()), ("lateral_cables", sides)] {
+        for (name, cables) in [("ligaments", ligaments), ("lateral_cables", sides)] {
             if !cables.is_empty() {
                 let cables = Cables::new(name, cables).map_err(|c| refuse(&c))?;
                 model.add(cables).map_err(|c| refuse(&c))?;
@@ -202,6 +233,10 @@ enum TissueError {
 fn relaxed(rest: &[Vec3], stretch: f64) -> Vec<Vec3> {
     rest.iter().map(|p| p / stretch).collect()
 }
+
+/// Said where a plan wants a muscle that was not meshed.
+const NO_MUSCLE: &str = "model.muscle.rigid: a deformable muscle is modelled in runs with linear elements alone, not \
+     here; set it to true";
 
 /// Poisson's ratio of membranes: they are incompressible by their kinematics, it has no effect.
 const MEMBRANE_POISSON: f64 = 0.49;

@@ -181,9 +181,10 @@ impl Recipe {
         self.tissue.iter().map(TissuePlan::law).collect()
     }
 
-    /// Cables of the ligaments.
-    pub(super) fn cables(&self) -> Vec<Cable> {
-        self.tethers.iter().map(|t| tied(&t.cable, t.stiffness, t.slack_mm)).collect()
+    /// Cables of the ligaments at some nodes.
+    pub(super) fn cables_of(&self, wanted: impl Fn(u32) -> bool) -> Vec<Cable> {
+        let tethers = self.tethers.iter().filter(|t| wanted(t.cable.node));
+        tethers.map(|t| tied(&t.cable, t.stiffness, t.slack_mm)).collect()
     }
 }
 

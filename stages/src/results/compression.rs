@@ -22,11 +22,20 @@ pub struct Picture<'a> {
     pub regions: Option<&'a PictureRegions>,
 }
 
+/// Writes the tetrahedra of a deformable muscle on the nodes of a mesh; nothing without one.
+pub fn put_muscle(file: &mut Writer, name: &str, tets: &[[u32; 4]]) -> Result<(), Failure> {
+    if tets.is_empty() {
+        return Ok(());
+    }
+    Ok(file.put(name, tets, "1", "Node indices of the muscle's tetrahedra")?)
+}
+
 /// Writes `/compression`, in the frame of the reference pose.
 pub fn put_compression(file: &mut Writer, found: &Compression) -> Result<(), Failure> {
     let at = |name: &str| format!("compression/{name}");
     let (rest, solution) = found.in_reference_pose();
     file.put_mesh(&at("rest"), &rest)?;
+    put_muscle(file, &at("muscle/tets"), &found.muscle)?;
     file.put_state(&at("solution"), &solution)?;
     let pressure = &found.contact_pressure_kpa;
     let long_name = "Pressure of paddle and receptor on the skin, at the nodes";

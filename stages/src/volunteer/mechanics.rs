@@ -146,6 +146,7 @@ impl TruthBody {
             anatomy: &anatomy(&mesh)?,
             plan: &untied,
             quadratic: quadratic.as_ref(),
+            muscle: None,
         };
         let model = lying.model(&mesh.points, moduli, PoseName::Supine.gravity(), None)?;
         let supine = solve(&model, &mesh.points, &Options::default(), progress)
@@ -165,7 +166,8 @@ impl TruthBody {
     /// The supine body with the tissues and supports of `plan`.
     pub fn body<'a>(&'a self, plan: &'a ModelPlan) -> Body<'a> {
         let (mesh, anatomy) = (&self.supine_mesh, &self.anatomy);
-        Body { mesh, wall: self.wall.clone(), anatomy, plan, quadratic: self.quadratic.as_ref() }
+        let (quadratic, muscle) = (self.quadratic.as_ref(), None);
+        Body { mesh, wall: self.wall.clone(), anatomy, plan, quadratic, muscle }
     }
 
     /// The equilibrium in a pose, in the common frame.

@@ -164,7 +164,7 @@ pub fn markdown(runs: &Runs, arguments: &SearchBoxArguments) -> String {
     faults(&mut page, runs);
     let _ = writeln!(
         page,
-        "\n## Not in it\n\n- a deformable muscle: the model has none;\n- quadratic elements, and other meshes than \
+        "\n## Not in it\n\n- a deformable muscle;\n- quadratic elements, and other meshes than \
          these;\n- remeshing: runs whose elements are stretched beyond skewness {SKEWNESS} say so and go on."
     );
     page

@@ -1,0 +1,345 @@
+//! A surface that glides on the front of another body, which gives way.
+//!
+//! The front is known in the shape in which it is smooth: the zero of a signed distance φ, with the
+//! nodes of its body at the places P. A point x near the front belongs to one of the tetrahedra under it,
+//! with barycentric coordinates N: Σ Nᵢ xᵢ = x. What the body has of it in the smooth shape is
+//! X = Σ Nᵢ Pᵢ, and d = φ(X) its distance. With G = ∂X/∂x and w = dx - Σ Nᵢ dxᵢ,
+//!
+//! dX = G w, d²X = -G Σ (∇Nᵢ·w) dxᵢ twice, symmetrised,
+//!
+//! so that force and tangent on the point and the four nodes are exact. The forces on them add up to
+//! nothing, and so do their moments, since x = Σ Nᵢ xᵢ; a rigid motion of both changes nothing. Along
+//! the normal all is as in [`super::contact`].
+//!
+//! The tetrahedron of a point is kept during a minimisation; afterwards a point that has left it by more
+//! than [`BEYOND`] goes on to the next one (see [`Term::moved_on`]). At a rim without a next one it stays.
+
+use super::contact::{Contact, Touch};
+use super::{
+    At, Block, ContactCheck, Curvature, Load, NodeForce, Opening, Order, Term, Touching,
+    target::Target,
+};
+use crate::materials::MaterialError;
+use crate::model::ModelError;
+use mammotwin_data::{Mat3, Vec3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Barycentric coordinate on the front's face down to which a point stays with its tetrahedron: less would
+/// send points on an edge to and fro.
+const BEYOND: f64 = -0.05;
+/// Most faces that a point crosses on the way to its own.
+const LONGEST_WAY: usize = 100;
+
+/// The front of a body, where it is smooth.
+pub struct Front {
+    target: Arc<dyn Target>,
+    /// Places of all nodes (mm) there.
+    places: Vec<Vec3>,
+    /// Tetrahedra with a face on the front: its three nodes first.
+    tets: Vec<[u32; 4]>,
+    /// Across the edge opposite of each node of the face.
+    next: Vec<[Option<u32>; 3]>,
+}
+
+impl Front {
+    /// The front with `faces`, each a face of one of `tets`, of a body with its nodes at `places` (mm);
+    /// `target` is its smooth surface there.
+    ///
+    /// # Errors
+    /// A face of no tetrahedron.
+    pub fn new(
+        target: Arc<dyn Target>,
+        places: &[Vec3],
+        faces: &[[u32; 3]],
+        tets: &[[u32; 4]],
+    ) -> Result<Self, ModelError> {
+        let sorted = |mut face: [u32; 3]| {
+            face.sort_unstable();
+            face
+        };
+        let mut inner = BTreeMap::new();
+        for &[a, b, c, d] in tets {
+            for (face, node) in [([b, c, d], a), ([a, c, d], b), ([a, b, d], c), ([a, b, c], d)] {
+                inner.insert(sorted(face), node);
+            }
+        }
+        let mut own = Vec::with_capacity(faces.len());
+        let mut across: BTreeMap<[u32; 2], Vec<u32>> = BTreeMap::new();
+        for (number, &[a, b, c]) in faces.iter().enumerate() {
+            let Some(&d) = inner.get(&sorted([a, b, c])) else {
+                return Err(ModelError::Value {
+                    term: "front".into(),
+                    what: "face without a tetrahedron, number",
+                    value: number as f64,
+                    remedy: "give faces of the tetrahedra",
+                });
+            };
+            own.push([a, b, c, d]);
+            for edge in [[b, c], [c, a], [a, b]] {
+                across.entry(ends(edge)).or_default().push(number as u32);
+            }
+        }
+        let beside = |number: usize, edge: [u32; 2]| {
+            let both = across.get(&ends(edge));
+            both.and_then(|both| both.iter().copied().find(|&other| other as usize != number))
+        };
+        let next = own.iter().enumerate();
+        let next = next.map(|(n, &[a, b, c, _])| [[b, c], [c, a], [a, b]].map(|e| beside(n, e)));
+        Ok(Self { target, places: places.to_vec(), next: next.collect(), tets: own })
+    }
+
+    fn corners(&self, face: u32, points: &[Vec3]) -> [Vec3; 4] {
+        self.tets[face as usize].map(|n| points[n as usize])
+    }
+
+    /// What the body has of the point `x` (mm) in a tetrahedron that is now where `points` are.
+    fn look(&self, face: u32, x: &Vec3, points: &[Vec3]) -> Option<Look> {
+        let edges = |[a, b, c, d]: [Vec3; 4]| Mat3::from_columns(&[b - a, c - a, d - a]);
+        let (now, smooth) = (self.corners(face, points), self.corners(face, &self.places));
+        let inverse = edges(now).try_inverse()?;
+        let inner = inverse * (x - now[0]);
+        let rows = [0, 1, 2].map(|r| inverse.row(r).transpose());
+        Some(Look {
+            place: smooth[0] + edges(smooth) * inner,
+            pull: edges(smooth) * inverse,
+            weights: [1.0 - inner.sum(), inner.x, inner.y, inner.z],
+            gradients: [-(rows[0] + rows[1] + rows[2]), rows[0], rows[1], rows[2]],
+        })
+    }
+
+    /// The face that a point (mm) at `x` is over, from a face near it.
+    fn walk(&self, from: u32, x: &Vec3, points: &[Vec3]) -> u32 {
+        let mut face = from;
+        for _ in 0..LONGEST_WAY {
+            let Some(look) = self.look(face, x, points) else { return face };
+            let [a, b, c, _] = self.corners(face, &self.places);
+            let parts = over_face([a, b, c], &look.place);
+            let least = (0..3).min_by(|&m, &n| parts[m].total_cmp(&parts[n])).unwrap_or(0);
+            match self.next[face as usize][least] {
+                Some(next) if parts[least] < BEYOND => face = next,
+                _ => return face,
+            }
+        }
+        face
+    }
+}
+
+/// An edge, the smaller node first.
+fn ends([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+/// Barycentric coordinates of the foot of a point on a triangle's plane.
+fn over_face([a, b, c]: [Vec3; 3], point: &Vec3) -> [f64; 3] {
+    let normal = (b - a).cross(&(c - a));
+    let size = normal.norm_squared().max(f64::MIN_POSITIVE);
+    let part = |from: &Vec3, to: &Vec3| (to - from).cross(&(point - from)).dot(&normal) / size;
+    [part(&b, &c), part(&c, &a), part(&a, &b)]
+}
+
+/// A point as a tetrahedron has it.
+struct Look {
+    /// Place in the smooth shape (mm).
+    place: Vec3,
+    /// Its derivative by the point.
+    pull: Mat3,
+    /// Barycentric coordinates of the point.
+    weights: [f64; 4],
+    /// Their derivatives by the point (1/mm).
+    gradients: [Vec3; 4],
+}
+
+/// A surface that glides without friction on the front of another body and never leaves it.
+#[derive(Clone)]
+pub struct Gliding {
+    name: String,
+    contact: Contact,
+    front: Arc<Front>,
+    /// The face of the front that each node is over.
+    over: Vec<u32>,
+    /// Each node and those of the tetrahedron under it.
+    touched: Vec<[u32; 5]>,
+}
+
+impl Gliding {
+    /// Glides the nodes of `faces` that `wanted` names on a front; areas, and the face of the front that each node is over, are taken with
+    /// the nodes at the front's places.
+    pub fn new(
+        name: &str,
+        faces: &[[u32; 3]],
+        front: Arc<Front>,
+        wanted: impl Fn(u32) -> bool,
+    ) -> Self {
+        let mut contact = Contact::new(&front.places, faces, Opening::Never);
+        contact.leave(|node| !wanted(node));
+        let middles: Vec<Vec3> = (0..front.tets.len())
+            .map(|face| {
+                let [a, b, c, _] = front.corners(face as u32, &front.places);
+                (a + b + c) / 3.0
+            })
+            .collect();
+        let over = |&node: &u32| {
+            let x = &front.places[node as usize];
+            let far = |&n: &usize| (middles[n] - x).norm_squared();
+            let nearest = (0..middles.len()).min_by(|a, b| far(a).total_cmp(&far(b)));
+            front.walk(nearest.unwrap_or(0) as u32, x, &front.places)
+        };
+        let over = contact.nodes.iter().map(over).collect();
+        let mut term = Self { name: name.into(), contact, front, over, touched: Vec::new() };
+        term.touched = term.touching_nodes();
+        term
+    }
+
+    fn touching_nodes(&self) -> Vec<[u32; 5]> {
+        let one = |(&node, &face): (&u32, &u32)| {
+            let [a, b, c, d] = self.front.tets[face as usize];
+            [node, a, b, c, d]
+        };
+        self.contact.nodes.iter().zip(&self.over).map(one).collect()
+    }
+
+    fn look(&self, element: usize, points: &[Vec3]) -> Option<Look> {
+        let x = &points[self.contact.nodes[element] as usize];
+        self.front.look(self.over[element], x, points)
+    }
+
+    /// What the contact's law sees: distance and its derivatives by the point alone.
+    fn touch(&self, element: usize, points: &[Vec3]) -> Touch {
+        let place = points[self.contact.nodes[element] as usize];
+        match self.look(element, points) {
+            Some(look) => {
+                let (distance, slope, curvature) = self.front.target.distance(&look.place);
+                let normal = look.pull.transpose() * slope;
+                let curvature = look.pull.transpose() * curvature * look.pull;
+                Touch { distance, normal, curvature, place }
+            }
+            // A flat tetrahedron, which its own tissue refuses.
+            None => Touch { distance: 0.0, normal: Vec3::zeros(), curvature: Mat3::zeros(), place },
+        }
+    }
+
+    /// Force (mN) of the front on each node that it touches; the front bears the opposite.
+    pub fn node_forces(&self, at: &At) -> Vec<NodeForce> {
+        self.contact.forces(at, |element| self.touch(element, at.points))
+    }
+}
+
+impl Term for Gliding {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn elements(&self) -> usize {
+        self.touched.len()
+    }
+
+    fn nodes(&self, element: usize) -> &[u32] {
+        &self.touched[element]
+    }
+
+    fn block(
+        &self,
+        element: usize,
+        at: &At,
+        order: Order,
+        block: &mut Block,
+    ) -> Result<(), MaterialError> {
+        let touch = self.touch(element, at.points);
+        let area = self.contact.areas[element];
+        let (multiplier, penalty) = self.contact.normal_law(element, at.memory, at.shear_kpa);
+        block.energy = area * (multiplier + 0.5 * penalty * touch.distance) * touch.distance;
+        let Some(look) = self.look(element, at.points).filter(|_| order >= Order::Gradient) else {
+            return Ok(());
+        };
+        let traction = multiplier + penalty * touch.distance;
+        let slope = touch.normal;
+        // How the distance to the tetrahedron's own place of the point answers to each node.
+        let [a, b, c, d] = look.weights;
+        let share = [1.0, -a, -b, -c, -d];
+        for (gradient, share) in block.gradient.iter_mut().zip(share) {
+            *gradient = area * traction * share * slope;
+        }
+        if order < Order::Hessian {
+            return Ok(());
+        }
+        let along = slope * slope.transpose();
+        let turns = at.curvature == Curvature::Exact;
+        let nabla = |n: usize| if n == 0 { Vec3::zeros() } else { look.gradients[n - 1] };
+        for r in 0..5 {
+            for s in 0..=r {
+                let both = share[r] * share[s];
+                let mut second = penalty * both * along;
+                if turns {
+                    let bend = both * touch.curvature
+                        - share[r] * nabla(s) * slope.transpose()
+                        - share[s] * slope * nabla(r).transpose();
+                    second += traction * bend;
+                }
+                block.hessian[r][s] = area * second;
+            }
+        }
+        Ok(())
+    }
+
+    fn first_memory(&self, _points: &[Vec3], _load: Load) -> Vec<f64> {
+        vec![0.0; self.contact.nodes.len()]
+    }
+
+    fn contact(&self, at: &At) -> Option<ContactCheck> {
+        Some(self.contact.check(at, |element| self.touch(element, at.points)))
+    }
+
+    fn keep_to_surface(&self, from: &At, step: &[Vec3], points: &mut [Vec3]) {
+        for (element, nodes) in self.touched.iter().enumerate() {
+            let Some(look) = self.look(element, from.points) else { continue };
+            let (start, end) = (self.touch(element, from.points), self.touch(element, points));
+            let carried: Vec3 =
+                nodes[1..].iter().zip(look.weights).map(|(&n, w)| w * step[n as usize]).sum();
+            let node = nodes[0] as usize;
+            let foretold = start.distance + start.normal.dot(&(step[node] - carried));
+            let size = end.normal.norm_squared();
+            if size > 1e-6 {
+                points[node] += (foretold - end.distance) / size * end.normal;
+            }
+        }
+    }
+
+    fn update_multipliers(
+        &self,
+        points: &[Vec3],
+        shear_kpa: &[f64],
+        _load: Load,
+        memory: &mut [f64],
+    ) {
+        self.contact.update(points, shear_kpa, memory, |element| self.touch(element, points));
+    }
+
+    fn touching(&self, at: &At) -> Vec<Touching> {
+        self.contact.touching(at, |element| self.touch(element, at.points))
+    }
+
+    fn moved_on(&self, points: &[Vec3]) -> Option<Arc<dyn Term>> {
+        let on =
+            |(&node, &face): (&u32, &u32)| self.front.walk(face, &points[node as usize], points);
+        let over: Vec<u32> = self.contact.nodes.iter().zip(&self.over).map(on).collect();
+        if over == self.over {
+            return None;
+        }
+        let mut moved = Self { over, ..self.clone() };
+        moved.touched = moved.touching_nodes();
+        Some(Arc::new(moved))
+    }
+
+    fn gives_way(&self) -> bool {
+        true
+    }
+
+    fn above(&self, element: usize, points: &[Vec3]) -> Option<(f64, Vec3)> {
+        let x = &points[self.contact.nodes[element] as usize];
+        let face = self.front.walk(self.over[element], x, points);
+        let look = self.front.look(face, x, points)?;
+        let (distance, slope, _) = self.front.target.distance(&look.place);
+        Some((distance, look.pull.transpose() * slope))
+    }
+}
