@@ -191,37 +191,34 @@ fn a_breast_slides_on_a_stiff_muscle_as_on_a_rigid_wall() {
     }
 }
 
-/// Verifies: shape of the muscle's elements, six volunteers, elements of 8 to 15 mm | skewness 0.95, aspect ratio 20, 165° (Mîra 2018, § 2.2.2) | none beyond
+/// Verifies: shape of the muscle's elements, three volunteers, elements of 8 to 15 mm | skewness 0.95, aspect ratio 20, 165° (Mîra 2018, § 2.2.2) | none beyond
 #[test]
 fn every_element_of_the_muscle_is_good() {
-    for (n, preset) in ["tiny", "small", "large"].into_iter().enumerate() {
-        let torso = torso(preset, n as u64);
+    for (preset, seed, size_mm) in [("tiny", 0, 8.0), ("small", 1, 10.0), ("large", 2, 15.0)] {
+        let torso = torso(preset, seed);
         let labels = labels(&torso, &field_of_view(&torso, [2.5; 3]));
-        for size_mm in [8.0, 15.0] {
-            let (rigid, found) = meshed(&labels, size_mm);
-            let muscle = found.muscle.as_ref().unwrap();
-            let points = &found.mesh.points;
-            let volume: f64 = muscle.tets.iter().map(|t| TetMesh::tet_volume(points, t)).sum();
-            let thickness: Vec<f64> = muscle
-                .front()
-                .map(|(front, wall)| {
-                    assert_eq!(points[front as usize], points[wall as usize]);
-                    (points[front as usize + LAYERS] - points[front as usize]).norm()
-                })
-                .collect();
-            let ends = thickness
-                .iter()
-                .fold([f64::MAX, 0.0], |e: [f64; 2], t| [e[0].min(*t), e[1].max(*t)]);
-            println!(
-                "{preset}, {size_mm} mm: {:.0} cm³, {ends:.1?} mm thick, {:?}",
-                volume / 1000.0,
-                muscle.quality
-            );
-            assert!(ends[0] > 0.99 * THINNEST_MM && ends[1] < 40.0);
-            // The breasts are as they were.
-            assert_eq!(found.mesh.tets, rigid.mesh.tets);
-            assert_eq!(points[..rigid.mesh.points.len()], rigid.mesh.points);
-        }
+        let (rigid, found) = meshed(&labels, size_mm);
+        let muscle = found.muscle.as_ref().unwrap();
+        let points = &found.mesh.points;
+        let volume: f64 = muscle.tets.iter().map(|t| TetMesh::tet_volume(points, t)).sum();
+        let thickness: Vec<f64> = muscle
+            .front()
+            .map(|(front, wall)| {
+                assert_eq!(points[front as usize], points[wall as usize]);
+                (points[front as usize + LAYERS] - points[front as usize]).norm()
+            })
+            .collect();
+        let ends =
+            thickness.iter().fold([f64::MAX, 0.0], |e: [f64; 2], t| [e[0].min(*t), e[1].max(*t)]);
+        println!(
+            "{preset}, {size_mm} mm: {:.0} cm³, {ends:.1?} mm thick, {:?}",
+            volume / 1000.0,
+            muscle.quality
+        );
+        assert!(ends[0] > 0.99 * THINNEST_MM && ends[1] < 40.0);
+        // The breasts are as they were.
+        assert_eq!(found.mesh.tets, rigid.mesh.tets);
+        assert_eq!(points[..rigid.mesh.points.len()], rigid.mesh.points);
     }
 }
 

@@ -419,3 +419,34 @@ pub(super) fn plain_name(path: &str, name: &str) -> Checked {
     }
     refuse(path, format!("{name:?} is not a name; use up to 64 letters, digits, `-` and `_`"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::parse;
+
+    #[test]
+    fn a_deformable_muscle_wants_linear_elements_and_no_friction() {
+        let with = |interface: &str, elements: &str| {
+            let text = format!(
+                "schema = 1\nsubject = {{ id = \"x\" }}\n[poses.prone]\nimage = \"x.nii\"\nposture = \"prone\"\n\
+                 [model]\nmuscle = {{ rigid = false, young_kpa = 12.0 }}\n{interface}\n\
+                 [mesh]\nsize_mm = 12.0\nelements = \"{elements}\"\n"
+            );
+            parse(&text).map(|study| study.model.muscle)
+        };
+        let bonded = "interface = { kind = \"bonded\" }";
+        let found = with(bonded, "linear").unwrap();
+        assert_eq!((found.rigid, found.young_kpa), (false, 12.0));
+        let sliding = "interface = { kind = \"no_separation\", friction = 0.0 }";
+        assert!(with(sliding, "linear").is_ok());
+        let part = "interface = { kind = \"bonded\", regions = { base = { kind = \"rough\" } } }";
+        for (interface, elements, says) in [
+            (bonded, "quadratic", "linear elements"),
+            ("", "linear", "not no_separation with a friction of 0.1"),
+            (part, "linear", "not rough"),
+        ] {
+            let text = with(interface, elements).unwrap_err().to_string();
+            assert!(text.contains("model.muscle.rigid") && text.contains(says), "{text}");
+        }
+    }
+}
