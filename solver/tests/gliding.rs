@@ -1,11 +1,7 @@
 //! A body that glides on the front of another one, which gives way: derivatives, balance, a block on a
 //! block of other elements, and a stiff one as a rigid surface.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
-
-use common::shapes::brick;
+use crate::common::shapes::brick;
 use mammotwin_data::{
     Mat3, Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, solution::Solution,
 };

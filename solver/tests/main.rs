@@ -12,6 +12,7 @@ mod cook;
 mod elements;
 mod failures;
 mod friction;
+mod gliding;
 mod gravity;
 mod indentation;
 mod paddles;

@@ -13,6 +13,7 @@ mod image_chain;
 mod interfaces;
 mod ligaments;
 mod meshes;
+mod muscle;
 mod oblique;
 mod prestress;
 mod registration;

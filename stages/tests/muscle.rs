@@ -1,10 +1,6 @@
 //! The pectoral muscle of digital volunteers as a body that gives way: elements, gravity, compression.
 
-#![allow(clippy::unwrap_used)] // a test may fail at once
-
-mod common;
-
-use common::{field_of_view, labels, torso};
+use crate::common::{field_of_view, labels, torso};
 use mammotwin_data::{
     Failure, Vec3,
     labels::LabelMap,
