@@ -119,7 +119,7 @@ fn force_and_tangent_are_derivatives_of_the_energy() {
     testing::check(&term, &state_of(&points, &memory, &shear));
 }
 
-/// Verifies: forces of the contact with a deformed front on both bodies | force and moment balance, rigid motion | 1e-10
+/// Verifies: forces of the contact with a deformed front on both bodies | force and moment balance, rigid motion | 1e-10, 1e-9
 #[test]
 fn both_bodies_bear_opposite_forces_and_rigid_motions_change_nothing() {
     let blocks = blocks(2, 40.0, 3, 30.0);
@@ -180,7 +180,7 @@ fn mean(
     (mean, chosen.iter().map(|(_, s)| (s - mean).abs()).fold(0.0, f64::max))
 }
 
-/// Verifies: a block that lies on another one, between walls, under its weight; elements that match, and that do not | p = ρ g h in the mean, no shear; scatter with matching elements | mean 2 %, scatter 5 %
+/// Verifies: a block that lies on another one, between walls, under its weight; elements that match, and that do not | p = ρ g h in the mean, no shear; scatter with matching elements | mean 2 %, shear 3 %, scatter 12 %
 #[test]
 fn pressure_goes_through_the_front() {
     for (lower, upper) in [(4, 4), (3, 6), (4, 3)] {
@@ -201,7 +201,7 @@ fn pressure_goes_through_the_front() {
         assert!((normal / (-1.25 * weight_kpa) - 1.0).abs() < 0.02, "{normal}");
         assert!((above / (-0.75 * weight_kpa) - 1.0).abs() < 0.02, "{above}");
         assert!(shear.abs() < 0.03 * weight_kpa, "{shear}");
-        assert!(lower != upper || scatter < 0.3 * weight_kpa, "{scatter}");
+        assert!(lower != upper || scatter < 0.12 * weight_kpa, "{scatter}");
     }
 }
 
