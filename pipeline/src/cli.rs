@@ -404,6 +404,9 @@ pub struct SegmentArguments {
     /// NIfTI images (.nii, .nii.gz)
     #[arg(value_name = "IMAGE", required = true)]
     pub images: Vec<PathBuf>,
+    /// Write over labels that are there
+    #[arg(long)]
+    pub force: bool,
     /// Marks in the one image, as labels: what the brightness of tissues is learnt from
     #[arg(long, value_name = "LABELS")]
     pub scribbles: Option<PathBuf>,

@@ -348,7 +348,7 @@ fn balance(
         moves += usize::from(moved);
         state.update_multipliers(model);
         if is_tight {
-            tight += 1;
+            tight += usize::from(!settled);
             continue;
         }
         rounds += 1;
@@ -359,7 +359,11 @@ fn balance(
         }
         before = open;
     }
-    Err(if tight < FRICTION_ROUNDS { Failure::Contact } else { Failure::Friction })
+    Err(match (tight < FRICTION_ROUNDS, moves < MOVES) {
+        (false, _) => Failure::Friction,
+        (true, false) => Failure::Restless,
+        (true, true) => Failure::Contact,
+    })
 }
 
 /// The solution of a state, with everything checked anew.

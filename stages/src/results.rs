@@ -165,6 +165,12 @@ pub fn write_series(path: &Path, states: &[State]) -> Result<(), Failure> {
 /// Breast and muscle as one mesh in one state. The stress of the muscle is not known: NaN.
 fn with_muscle(state: &State) -> (TetMesh, Solution) {
     let (mut rest, mut solution) = (state.rest.clone(), state.solution.clone());
+    if !state.muscle.is_empty() {
+        let mut of_breast = vec![false; rest.points.len()];
+        rest.tets.iter().flatten().for_each(|&n| of_breast[n as usize] = true);
+        let nodes = solution.mean_stress_kpa.iter_mut().zip(&of_breast);
+        nodes.filter(|(_, of_breast)| !**of_breast).for_each(|(mean, _)| *mean = f64::NAN);
+    }
     for tet in state.muscle {
         let edges = |points: &[Vec3]| {
             let [a, b, c, d] = tet.map(|n| points[n as usize]);

@@ -166,9 +166,10 @@ fn a_breast_slides_on_a_stiff_muscle_as_on_a_rigid_wall() {
         let plan = on_muscle(&volunteer.plan, kind, Some(young_kpa));
         let found = volunteer.calibrate(&plan).unwrap();
         println!("{young_kpa} kPa: round trip {:?}", found.after.round_trip);
+        let found_rms = found.after.round_trip.rms_mm;
         let one = volunteer.prone(&plan, &found);
         let on_skin = apart(&one.points, &prone, &skin);
-        println!("prone skin {on_skin:.4?} mm (largest, rms)");
+        println!("prone skin {on_skin:.4?} mm (largest, rms), {:?}", one.checks);
         let squeezed = volunteer.compress(&plan, found);
         let force = |c: &Compression| *c.curve.force_n.last().unwrap();
         let share = force(&squeezed) / force(&pressed) - 1.0;
@@ -178,7 +179,11 @@ fn a_breast_slides_on_a_stiff_muscle_as_on_a_rigid_wall() {
             force(&pressed),
             squeezed.solution.checks
         );
-        if young_kpa > 1e3 {
+        let balance = one.checks.force_imbalance.max(one.checks.moment_imbalance);
+        assert!(balance < 1e-4 && found_rms < 0.05, "{balance:e} {found_rms}");
+        if young_kpa < 1e3 {
+            assert!(on_skin[0] > 0.1, "{on_skin:?}");
+        } else {
             assert!(
                 on_skin[0] < 0.5 && on_skin[1] < 0.1 && share.abs() < 0.02,
                 "{on_skin:?} {share}"

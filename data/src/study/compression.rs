@@ -260,8 +260,8 @@ pub struct CompressPlan {
     /// How far (mm) the middle between the plates is raised above the nipple, or the receptor above the fold.
     #[serde(default)]
     pub receptor_lift_mm: f64,
-    /// Pose, simulated by the calibration, whose shape is taken for free of stress, as the thesis
-    /// takes the prone one; the stress-free shape when absent.
+    /// Pose, simulated by the calibration, in which it begins: its shape is taken for free of stress, as the
+    /// thesis takes the prone one, unless [`Self::prestress`] is set. The stress-free shape when absent.
     pub start_pose: Option<String>,
     /// Whether the stress and the weight of [`Self::start_pose`] are kept: the breast goes on hanging while it
     /// is compressed, as on a table for prone biopsies. Without it that shape is free of stress.
@@ -312,7 +312,7 @@ pub struct CompressPlan {
 
 impl CompressPlan {
     /// The pose whose shape is taken for free of stress.
-    pub fn free_of_stress(&self) -> Option<String> {
+    pub fn stress_free_pose(&self) -> Option<String> {
         self.start_pose.clone().filter(|_| !self.prestress)
     }
 }

@@ -14,7 +14,10 @@ use mammotwin_data::{
 };
 use mammotwin_imaging::mri::segment::{Options, Segmentation, segment_marked};
 use serde_json::{Value, json};
-use std::{fs, path::Path};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
 
 /// Segments each image and writes `NAME_labels.nii.gz` and `NAME.png`, with cuts through both breasts, for
 /// each, and `volumes.csv`. An image that is refused does not keep the others from being done.
@@ -25,11 +28,19 @@ pub fn segment(arguments: &SegmentArguments) -> Result<(), Failure> {
     }
     let names = images.iter().map(|image| stem(image)).collect::<Result<Vec<_>, _>>()?;
     if let Some(twice) = names.iter().enumerate().find(|(n, name)| names[..*n].contains(name)) {
-        let text = format!("two images are called {}; give them different --out", twice.1);
+        let text =
+            format!("two images are called {}; rename one, or give it to another call", twice.1);
         return Err(Failure::Usage(text));
     }
     if let Some(none) = images.iter().chain(scribbles).find(|path| !path.exists()) {
         return Err(Failure::BadInput(format!("{}: no such file", none.display())));
+    }
+    let there = names.iter().map(|name| labels_of(out, name)).find(|labels| labels.exists());
+    if let Some(labels) = there.filter(|_| !arguments.force) {
+        return Err(Failure::Usage(format!(
+            "{}: is there already, perhaps corrected by hand; give another --out, or --force",
+            labels.display()
+        )));
     }
     fs::create_dir_all(out).map_err(|cause| Failure::io(out, cause))?;
     let task = Task::new("segment");
@@ -39,6 +50,7 @@ pub fn segment(arguments: &SegmentArguments) -> Result<(), Failure> {
         let part = Part { whole: &task, from: share(n), to: share(n + 1) };
         match one(path, name, scribbles.as_deref(), out, &part) {
             Ok(found) => facts.push(found),
+            Err(cause @ Failure::Io { .. }) => return Err(cause),
             Err(cause) => {
                 facts.push(json!({ "image": name, "refused": cause.to_string() }));
                 refused.get_or_insert(cause);
@@ -54,6 +66,11 @@ pub fn segment(arguments: &SegmentArguments) -> Result<(), Failure> {
         tell!("{}: labels, pictures, volumes.csv", out.display());
     }
     refused.map_or(Ok(()), Err)
+}
+
+/// Where the labels of an image go.
+fn labels_of(out: &Path, name: &str) -> PathBuf {
+    out.join(format!("{name}_labels.nii.gz"))
 }
 
 /// What the files of an image are called.
@@ -77,7 +94,7 @@ fn one(
     let found = segment_marked(&image, scribbles.as_ref(), &Options::default(), progress)
         .map_err(|cause| Failure::BadInput(format!("{}: {cause}", path.display())))?;
     let labels = &found.labels;
-    nifti::write_labels(&out.join(format!("{name}_labels.nii.gz")), labels, Version::One)?;
+    nifti::write_labels(&labels_of(out, name), labels, Version::One)?;
     let sides = [Side::Right, Side::Left];
     let rows: Vec<_> =
         sides.into_iter().filter_map(|side| Some((labels, behind_tip(labels, side)?))).collect();

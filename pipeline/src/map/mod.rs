@@ -134,7 +134,7 @@ impl Body {
             reference: reference.clone(),
             mesh: mesh.load()?,
             held_out: validations.keys().filter(held_out).cloned().collect(),
-            start_pose: study.compress.as_ref().and_then(CompressPlan::free_of_stress),
+            start_pose: study.compress.as_ref().and_then(CompressPlan::stress_free_pose),
             calibration,
             compression,
             registered,

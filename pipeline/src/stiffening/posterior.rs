@@ -14,6 +14,8 @@ use std::f64::consts::FRAC_PI_2;
 const FINE: usize = 81;
 /// What elements do to a curve of force is alike over this range of thickness (mm).
 const BENT_MM: f64 = 5.0;
+/// Logarithm of the largest ratio of the forces of two states that are read off by equal growth between.
+const MOST_GROWTH: f64 = 1.7;
 
 /// Sizes of the errors of a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,7 +66,8 @@ impl Course {
         let [from, to] = [self.force_n[n], self.force_n[n + 1]];
         let (step, along) = ((h[n + 1] - h[n]).min(-1e-12), thickness_mm - h[n]);
         // Forces grow by about the same factor with each millimetre; a straight line would lie above the curve.
-        if from > 0.0 && to > 0.0 {
+        // Not so where the plates only begin to touch.
+        if from > 0.0 && to > 0.0 && (to / from).ln().abs() < MOST_GROWTH {
             let growth = (to / from).ln() / step;
             let force = from * (growth * along).exp();
             return Some([force, force * growth]);
@@ -343,6 +346,8 @@ mod tests {
         assert!((force / grows(62.0) - 1.0).abs() < 1e-12 && (slope / force + 0.17).abs() < 1e-12);
         let touches = Course { thickness_mm: vec![70.0, 65.0], force_n: vec![0.0, 1.0] };
         assert_eq!(touches.at(67.5), Some([0.5, -0.2]));
+        let touches = Course { force_n: vec![1e-6, 0.05], ..touches };
+        assert!((touches.at(67.5).unwrap()[0] / 0.025 - 1.0).abs() < 1e-3);
     }
 
     #[test]

@@ -17,6 +17,8 @@ pub(super) enum Failure {
     Contact,
     /// Friction does not settle.
     Friction,
+    /// A contact goes to and fro between elements of the other surface.
+    Restless,
 }
 
 /// The error of a failure at `state`, from which the energy falls in so many directions, beyond a fraction of the
@@ -46,7 +48,7 @@ pub(super) fn stopped(
             }
         }
         Failure::Newton(NewtonError::Slow { node }) => (of_node(model, good, node), None),
-        Failure::Contact => {
+        Failure::Contact | Failure::Restless => {
             (of_contact(model, state, ContactCheck::open_mm, |c| c.worst_open), None)
         }
         Failure::Friction => (of_contact(model, state, |c| c.friction_lag, |c| c.worst_lag), None),
@@ -63,6 +65,10 @@ pub(super) fn stopped(
         (Failure::Friction, _) => (
             "friction does not settle with the normal pressure".to_owned(),
             "lower the friction coefficient, or hold the body better",
+        ),
+        (Failure::Restless, _) => (
+            "a contact goes to and fro between elements of the other surface".to_owned(),
+            "mesh the two surfaces alike, or load less",
         ),
         (_, Some(cause @ MaterialError::Locked { .. })) => {
             (cause.to_string(), "raise Jm of the law, or load less")

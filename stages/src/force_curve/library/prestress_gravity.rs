@@ -14,6 +14,7 @@ pub(super) const EFFECT: CurveEffect = CurveEffect {
     separated_by: "the force of the receptor, which is larger by the weight",
     keys: "compress.gravity_share",
     scaling: -1,
-    range: |plan| Some([-plan.gravity_share, 1.0 - plan.gravity_share]),
+    // One that hangs has its weight already.
+    range: |plan| (!plan.prestress).then_some([-plan.gravity_share, 1.0 - plan.gravity_share]),
     apply: |plan, amplitude| plan.gravity_share = (plan.gravity_share + amplitude).clamp(0.0, 1.0),
 };
