@@ -34,9 +34,8 @@ impl Moved {
 
     /// Whether the terms are the very ones of another.
     pub fn same(&self, other: &Self) -> bool {
-        let pair = |((a, one), (b, two)): ((&usize, &Arc<dyn Term>), (&usize, &Arc<dyn Term>))| {
-            a == b && Arc::ptr_eq(one, two)
-        };
-        self.0.len() == other.0.len() && self.0.iter().zip(&other.0).all(pair)
+        let mut pairs = self.0.iter().zip(&other.0);
+        self.0.len() == other.0.len()
+            && pairs.all(|(one, two)| one.0 == two.0 && Arc::ptr_eq(one.1, two.1))
     }
 }

@@ -163,8 +163,8 @@ pub struct Gliding {
 }
 
 impl Gliding {
-    /// Glides the nodes of `faces` that `wanted` names on a front; areas, and the face of the front that each node is over, are taken with
-    /// the nodes at the front's places.
+    /// Glides the nodes of `faces` that `wanted` names on a front; areas, and the face of the front that
+    /// each node is over, are taken with the nodes at the front's places.
     pub fn new(
         name: &str,
         faces: &[[u32; 3]],

@@ -22,11 +22,12 @@ fn free(model: &Model, node: usize, mut vector: Vec3) -> Vec3 {
     vector
 }
 
+/// Distance (mm) of a node from its surface with the nodes at some places (mm), and its gradient.
+type Above<'a> = Box<dyn Fn(&[Vec3]) -> (f64, Vec3) + 'a>;
+
 /// Nodes that glide, each with its distance (mm) from the surface and the gradient of that, with the nodes at
 /// `points`.
-fn gliding<'a>(
-    model: &'a Model,
-) -> impl Iterator<Item = (usize, Box<dyn Fn(&[Vec3]) -> (f64, Vec3) + 'a>)> + 'a {
+fn gliding<'a>(model: &'a Model) -> impl Iterator<Item = (usize, Above<'a>)> + 'a {
     model.terms().iter().flat_map(|term| {
         let wanted = term.surface().is_some() || term.gives_way();
         (0..if wanted { term.elements() } else { 0 }).map(move |element| {
@@ -38,14 +39,14 @@ fn gliding<'a>(
                 }
                 None => term.above(element, points).unwrap_or((0.0, Vec3::zeros())),
             };
-            (node, Box::new(distance) as Box<dyn Fn(&[Vec3]) -> (f64, Vec3) + 'a>)
+            (node, Box::new(distance) as Above<'a>)
         })
     })
 }
 
 /// The surfaces' normals with the nodes at `points` (mm).
 pub(super) fn normals(model: &Model, points: &[Vec3]) -> Normals {
-    let normal = |(node, distance): (usize, Box<dyn Fn(&[Vec3]) -> (f64, Vec3) + '_>)| {
+    let normal = |(node, distance): (usize, Above<'_>)| {
         let normal = free(model, node, distance(points).1);
         normal.try_normalize(LEAST_NORMAL).map(|normal| (node, normal))
     };

@@ -135,7 +135,7 @@ impl Muscle {
         let own = |node: u32| {
             let behind = node - self.first;
             let wall = self.wall[(behind / per_column) as usize];
-            if behind % per_column == 0 && bonded(wall) { wall } else { node }
+            if behind.is_multiple_of(per_column) && bonded(wall) { wall } else { node }
         };
         self.tets.iter().map(|tet| tet.map(own)).collect()
     }
