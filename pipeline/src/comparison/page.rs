@@ -233,7 +233,8 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
         add("force_in_time.svg", chart(title, "time (s)", "force (N)", all, Axis::Rising));
     }
     if study == ThesisStudy::Positions {
-        let by_distance: [(&str, fn(&Found) -> f64, &str, &str); 3] = [
+        type ByDistance = (&'static str, fn(&Found) -> f64, &'static str, &'static str);
+        let by_distance: [ByDistance; 3] = [
             ("force_by_distance.svg", |f| f.metric("force_n"), "Force at the end", "force (N)"),
             (
                 "pressure_by_distance.svg",

@@ -12,7 +12,7 @@
 //! the normal all is as in [`super::contact`].
 //!
 //! The tetrahedron of a point is kept during a minimisation; afterwards a point that has left it by more
-//! than [`BEYOND`] goes on to the next one (see [`Term::moved_on`]). At a rim without a next one it stays.
+//! than a twentieth of a face goes on to the next one (see [`Term::moved_on`]). At a rim without a next one it stays.
 
 use super::contact::{Contact, Touch};
 use super::{

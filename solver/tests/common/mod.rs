@@ -3,6 +3,8 @@
 //! Little-endian files: counts of nodes, tetrahedra, base faces, skin faces and rim nodes and the
 //! nipple's node as u32, node positions (mm) as f32, then all indices as u16.
 
+#![allow(dead_code)] // benches take a part of it
+
 pub mod laws;
 pub mod loads;
 pub mod shapes;
