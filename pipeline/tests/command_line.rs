@@ -67,7 +67,7 @@ fn bad_input_is_65_and_names_file_key_and_remedy() {
     refused(STUDY, &["inspect", "study.toml"], 65, &["study.toml"]);
     refused(STUDY, &["segment", "study.toml"], 2, &["study.toml", "NIfTI"]);
     refused(STUDY, &["segment", "no.nii"], 65, &["no.nii"]);
-    refused(STUDY, &["segment", "a/x.nii", "b/x.nii.gz"], 2, &["called x", "--out"]);
+    refused(STUDY, &["segment", "a/x.nii", "b/x.nii.gz"], 2, &["called x", "rename"]);
     let marked = ["segment", "a.nii", "b.nii", "--scribbles", "m.nii"];
     refused(STUDY, &marked, 2, &["--scribbles", "one image"]);
 }
