@@ -47,10 +47,15 @@ def test_every_dataset_is_documented_with_its_unit():
         assert units, f"{name} is not in docs/hdf5.md"
         assert unit in units, f"{name}: unit {unit}, documented {units}"
     if "compression/rest/points" in names and any(name.startswith("radiographs/") for name in names):
-        # Only a study with compress.clamp, or with calibrate.second_start, has them.
+        # Only a study with compress.clamp, with calibrate.second_start, or with a deformable muscle, has them.
         asked = [
             group
-            for group in ("curves/time_course/", "calibration/second_start/")
+            for group in (
+                "curves/time_course/",
+                "calibration/second_start/",
+                "calibration/muscle/",
+                "compression/muscle/",
+            )
             if not any(name.startswith(group) for name in names)
         ]
         # Only voxels that resolve skin give it a thickness.
