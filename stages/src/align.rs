@@ -77,7 +77,8 @@ impl Start {
     /// # Errors
     /// [`Failure::Numerics`] when the images have too little in common.
     pub fn of_images(
-        (reference, labels, moving): &Images,
+        (reference, labels): (&Volume<f32>, &LabelMap),
+        moving: &Volume<f32>,
         progress: &dyn Progress,
     ) -> Result<Self, Failure> {
         let mask = register::chest_wall_mask(labels, BEHIND_MM, AHEAD_MM);
@@ -109,7 +110,7 @@ impl Stage for Align {
 
     fn run(
         &self,
-        (reference, moving, images): &Self::Input,
+        (reference, moving, (image, labels, other)): &Self::Input,
         progress: &dyn Progress,
     ) -> Result<Start, Failure> {
         let marked = match (reference, moving) {
@@ -118,7 +119,7 @@ impl Stage for Align {
         };
         match marked {
             Some(start) => Ok(start),
-            None => Start::of_images(images, progress),
+            None => Start::of_images((image, labels), other, progress),
         }
     }
 }

@@ -40,7 +40,7 @@ static UNIT: LazyLock<Unit> = LazyLock::new(|| {
         let with = CurveEffect::named(name).unwrap().switched(&plan, amplitude);
         all.push(Way { label: name.into(), mesh: truth, plan: with });
     }
-    let mut pressed = press_all(&person, &all, &|_, _| Ok(())).unwrap();
+    let mut pressed = press_all(&person, &all, &|| true, &|_, _| Ok(())).unwrap();
     let truths = pressed.split_off(own).into_iter().flatten().collect();
     let error = RecordError::default();
     let evidence = gathered(&plan, &effects, pressed, THINNEST_MM, error).unwrap();
@@ -115,4 +115,23 @@ fn a_wrong_scale_is_not_named_physics() {
         println!("{how:?}: named {named} of 20");
         assert!(named <= 1, "{named}");
     }
+}
+
+#[test]
+fn a_compression_that_may_not_begin_is_neither_made_nor_told() {
+    let person = Person { preset: "tiny".into(), seed: 7, stiffer: 1.0 };
+    let plan = person.plan(15.0, 60.0).unwrap();
+    let way =
+        |label: &str| Way { label: label.into(), mesh: Meshed::new(20.0, 0), plan: plan.clone() };
+    let told = std::sync::atomic::AtomicUsize::new(0);
+    let count = |_: &Way, _: &Option<Pressed>| {
+        told.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        Ok(())
+    };
+    let begins = || told.load(std::sync::atomic::Ordering::Relaxed) == 0;
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let ways = [way("first"), way("second"), way("third")];
+    let made = one.install(|| press_all(&person, &ways, &begins, &count)).unwrap();
+    assert_eq!(made.iter().filter(|course| course.is_some()).count(), 1);
+    assert_eq!(told.into_inner(), 1);
 }

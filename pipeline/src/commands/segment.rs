@@ -9,10 +9,13 @@ use crate::{
 use mammotwin_data::{
     Failure,
     io::nifti::{self, Version},
-    labels::{LabelMap, Side, Tissue},
+    labels::{Side, Tissue},
     progress::{Part, Progress},
 };
-use mammotwin_imaging::mri::segment::{Options, Segmentation, segment_marked};
+use mammotwin_imaging::mri::{
+    breast::{Volumes, sides},
+    segment::{Options, Segmentation, segment_marked},
+};
 use serde_json::{Value, json};
 use std::{
     fs,
@@ -102,6 +105,8 @@ fn one(
     Ok(facts(name, &found))
 }
 
+const MM3_PER_ML: f64 = 1000.0;
+
 /// Columns of the table, after the name: keys of [`facts`].
 const COLUMNS: [&str; 8] = [
     "breast_right_ml",
@@ -116,29 +121,22 @@ const COLUMNS: [&str; 8] = [
 
 fn facts(name: &str, found: &Segmentation) -> Value {
     let labels = &found.labels;
-    let [right, left] = [Side::Right, Side::Left].map(|side| {
-        let breast = millilitres(labels, |t| t.side() == Some(side) && t.is_breast());
-        let gland = millilitres(labels, |t| t.side() == Some(side) && t.is_gland());
-        (breast, 100.0 * gland / breast.max(f64::MIN_POSITIVE))
-    });
+    let sides = sides(labels);
+    let [right, left] = [Side::Right, Side::Left].map(|side| Volumes::of(labels, &sides, side));
+    let muscle = labels.values.iter().filter(|tissue| **tissue == Tissue::PectoralMuscle).count();
+    let percent = |volumes: &Volumes| volumes.gland_share().map(|share| 100.0 * share);
     let warnings: Vec<String> = found.warnings.iter().map(ToString::to_string).collect();
     json!({
         "image": name,
-        "breast_right_ml": right.0,
-        "breast_left_ml": left.0,
-        "gland_right_percent": right.1,
-        "gland_left_percent": left.1,
-        "muscle_ml": millilitres(labels, |t| t == Tissue::PectoralMuscle),
+        "breast_right_ml": right.total_mm3() / MM3_PER_ML,
+        "breast_left_ml": left.total_mm3() / MM3_PER_ML,
+        "gland_right_percent": percent(&right),
+        "gland_left_percent": percent(&left),
+        "muscle_ml": muscle as f64 * labels.grid.voxel_mm3() / MM3_PER_ML,
         "wall_seen_percent": 100.0 * found.wall_seen,
         "muscle_rear_seen_percent": 100.0 * found.muscle_rear_seen,
         "warnings": warnings,
     })
-}
-
-/// Volume (ml) of tissues; skin belongs to no side.
-fn millilitres(labels: &LabelMap, counts: impl Fn(Tissue) -> bool) -> f64 {
-    let voxels = labels.values.iter().filter(|tissue| counts(**tissue)).count();
-    voxels as f64 * labels.grid.voxel_mm3() / 1000.0
 }
 
 fn table(facts: &[Value]) -> String {

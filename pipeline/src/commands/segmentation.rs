@@ -69,9 +69,7 @@ pub fn segmentation(arguments: &SegmentationArguments) -> Result<(), Failure> {
                 let scan = Scan::read(&folder, pose)?;
                 let start = match (&supine, marked) {
                     (Some((image, labels)), false) => {
-                        let images =
-                            (Volume::clone(image), LabelMap::clone(labels), scan.image.clone());
-                        Start::of_images(&images, &Silent)?.transform
+                        Start::of_images((image, labels), &scan.image, &Silent)?.transform
                     }
                     (None, false) => RigidTransform::identity(),
                     (_, true) => marked_start(&folder, pose)?,

@@ -171,9 +171,7 @@ impl Ready {
         let (body, start) = (self.body.body(&self.model), Start::free(&self.body.mesh.points));
         compress.press(&body, &start, self.body.moduli(), None, &Silent)
     }
-}
 
-impl Ready {
     /// Presses her from where she hangs, by the unit vector of gravity: with its stress and weight, or
     /// as if that shape were free of them, as `plan.prestress` says.
     ///
@@ -269,13 +267,15 @@ pub fn gathered(
 /// What is told of each way that is done.
 pub type Keep<'a> = dyn Fn(&Way, &Option<Pressed>) -> Result<(), Failure> + Sync + 'a;
 
-/// Presses all ways of a person; meshes each mesh once. `kept` is told of each way that is done.
+/// Presses all ways of a person that may still begin; meshes each mesh once. `kept` is told of each way that is
+/// done, not of those that did not begin.
 ///
 /// # Errors
-/// No such volunteer, no mesh, or what `kept` says; a way without equilibrium is `None`.
+/// No such volunteer, no mesh, or what `kept` says; a way without equilibrium, or that did not begin, is `None`.
 pub fn press_all(
     person: &Person,
     ways: &[Way],
+    begins: &(dyn Fn() -> bool + Sync),
     kept: &Keep<'_>,
 ) -> Result<Vec<Option<Pressed>>, Failure> {
     let mut meshes: Vec<Meshed> = Vec::new();
@@ -288,6 +288,9 @@ pub fn press_all(
     let ready = ready?;
     let one = |way: &Way| {
         let Some(n) = meshes.iter().position(|m| *m == way.mesh) else { return Ok(None) };
+        if !begins() {
+            return Ok(None);
+        }
         let pressed = match ready[n].press(&way.plan) {
             Ok(course) => Some(course),
             Err(Failure::Numerics(_) | Failure::BadInput(_)) => None,

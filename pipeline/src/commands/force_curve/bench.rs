@@ -95,8 +95,8 @@ impl Kept {
     /// Presses what is missing; what begins too late is `None`.
     fn press(&self, ways: &[Way], task: &Task, from: f64) -> Result<Vec<Option<Pressed>>, Failure> {
         let missing: Vec<Way> = ways.iter().filter(|w| self.read(w).is_none()).cloned().collect();
-        let late = self.end.is_some_and(|end| Instant::now() >= end);
-        if !missing.is_empty() && !late {
+        let begins = || self.end.is_none_or(|end| Instant::now() < end);
+        if !missing.is_empty() && begins() {
             let keep = |way: &Way, course: &Option<Pressed>| -> Result<(), Failure> {
                 let path = self.file(way);
                 let done = Done {
@@ -113,7 +113,7 @@ impl Kept {
                 task.report(from, &way.label);
                 Ok(())
             };
-            press_all(&self.person, &missing, &keep)?;
+            press_all(&self.person, &missing, &begins, &keep)?;
         }
         Ok(ways.iter().map(|way| self.read(way).flatten()).collect())
     }
