@@ -9,7 +9,7 @@ pub use curves::ForceCurveArguments;
 pub use map::MapArguments;
 pub use models::{BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments};
 pub use studies::{
-    CalibrationArguments, DesignsArguments, PaddlesArguments, PositionsArguments,
+    CalibrationArguments, CompareArguments, DesignsArguments, PaddlesArguments, PositionsArguments,
     SearchBoxArguments, SegmentationArguments, SensitivityArguments, StiffeningArguments,
     StudyCommand,
 };

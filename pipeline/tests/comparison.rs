@@ -118,6 +118,7 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
     }
 
     designs_are_judged(study, folder.path());
+    studies_are_compared(study, folder.path());
 
     // One distance is too far: it is named, the others are found.
     let said = printed(&[
@@ -135,10 +136,49 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
         fs::read_to_string(folder.path().join("volunteer/out/studies/positions/positions.csv"))
             .unwrap();
     assert_eq!(table.lines().count(), 4, "{table}");
+    // Nearer to the chest wall there is more to press.
+    let table = rows(&folder.path().join("volunteer/out/studies/positions/positions.csv"));
+    let number = |way: &str, name: &str| table[way][name].parse::<f64>().unwrap();
+    for name in ["force_n", "paddle_peak_pressure_kpa"] {
+        assert!(number("rigid_12mm", name) > 1.2 * number("rigid_20mm", name), "{name}");
+    }
 
     let unknown = mammotwin(&["study", "paddles", study, "--paddles", "soft"]);
     assert_eq!(unknown.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&unknown.stderr).contains("rigid, flex, elastic"));
+}
+
+/// Compressions of two studies: what is there is taken, and the differences are those of one study of both.
+fn studies_are_compared(study: &str, folder: &Path) {
+    let text = fs::read_to_string(study).unwrap();
+    let other = PathBuf::from(study).with_file_name("curved.toml");
+    fs::write(&other, text.replace("paddle = \"rigid\"", "paddle = \"curved\"")).unwrap();
+    let other = other.to_str().unwrap();
+    let out = folder.join("compared");
+    let compare =
+        ["study", "compare", study, other, "--no-picture", "--out", out.to_str().unwrap()];
+    printed(&compare);
+    let said = printed(&compare);
+    assert!(said.starts_with("0 of "), "{said}");
+    let table = rows(&out.join("compare.csv"));
+    assert_eq!(table.keys().collect::<Vec<_>>(), ["curved", "study"]);
+    assert_eq!(table["curved"]["paddle"], "curved");
+    let text = |path: &Path| fs::read_to_string(path.join("comparisons.csv")).unwrap();
+    let here = text(&out);
+    let there = text(&Path::new(study).with_file_name("out/studies/paddles"));
+    let same: Vec<String> = there
+        .lines()
+        .filter_map(|line| Some(format!("curved,study,{}", line.strip_prefix("curved,rigid,")?)))
+        .collect();
+    assert!(same.len() > 3);
+    assert_eq!(here.lines().skip(1).collect::<Vec<_>>(), same);
+    let page = fs::read_to_string(out.join("compare.html")).unwrap();
+    assert!(page.contains("Compressions of several studies") && !page.contains("The thesis"));
+    // Nothing is told apart by one study, or by names that are the same.
+    assert_eq!(mammotwin(&["study", "compare", study]).status.code(), Some(2));
+    let twice = mammotwin(&["study", "compare", study, study]);
+    assert_eq!(twice.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&twice.stderr).contains("same file and folder name"));
 }
 
 /// Designs of the same breast: what is there is taken, what nothing beats is marked.

@@ -79,14 +79,22 @@ impl Stage for Validate {
             posture::refuse_wrong(&target, &reference.pose, &shape, &reference.gravity)?;
         }
         let body = Body::new(mesh, &self.model);
-        let measure = |fit: &Fit| {
-            let solution = target.load(&body, &fit.rest, fit.moduli, &mesh.mesh.points, false)?;
+        let measure = |fit: &Fit, which: &str| {
+            let from =
+                |start: &[Vec3]| target.load(&body, &fit.rest, fit.moduli, start, false);
+            // A tissue with a limit of stretch may not stand what the reference pose is stretched to.
+            let solution = from(&mesh.mesh.points)
+                .or_else(|cause| from(&fit.rest).map_err(|_| cause))
+                .map_err(|cause| match cause {
+                    Failure::Numerics(why) => Failure::Numerics(format!("{why} (with {which})")),
+                    other => other,
+                })?;
             target.measure(solution)
         };
         progress.report(0.0, "moduli of the study");
-        let before = measure(&calibration.before)?;
+        let before = measure(&calibration.before, "the moduli of the study")?;
         progress.report(0.5, "fitted moduli");
-        let after = measure(&calibration.after)?;
+        let after = measure(&calibration.after, "the fitted moduli")?;
         Ok(Validation { before, after })
     }
 }

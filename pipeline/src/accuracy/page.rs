@@ -136,7 +136,9 @@ fn against_simple(all: &[Fitted]) -> String {
             if right.role == Role::HeldOut {
                 ratios.push(right.after_mm / simple.after_mm);
                 let over = |pose: &PoseError| f64::max(0.0, pose.after_mm - pose.floor_mm);
-                excess.push(over(&right) / over(&simple));
+                // Both at the floor differ by nothing.
+                let (right, simple) = (over(&right), over(&simple));
+                excess.push(if right > 0.0 { right / simple } else { 0.0 });
             }
         }
         if ratios.is_empty() {

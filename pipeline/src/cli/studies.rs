@@ -38,6 +38,9 @@ pub enum StudyCommand {
     /// One breast under several paddles: comfort, image, dose; table, charts, page
     #[command(after_help = PADDLES_EXAMPLES)]
     Paddles(PaddlesArguments),
+    /// Compressions of several studies beside the first one's: differences, effect sizes, overlaps
+    #[command(after_help = COMPARE_EXAMPLES)]
+    Compare(CompareArguments),
     /// One breast with the paddle at several distances from the chest wall
     #[command(after_help = POSITIONS_EXAMPLES)]
     Positions(PositionsArguments),
@@ -383,3 +386,25 @@ Results that are there are used again; files go to studies/positions in the outp
 Examples:
   mammotwin study positions study.toml
   mammotwin study positions study.toml --distances 20,15,10 --paddles elastic";
+
+/// Studies beside each other.
+#[derive(Debug, Clone, Args)]
+pub struct CompareArguments {
+    /// Studies, each with its results in `out` beside it; the first one is what the others are compared with
+    #[arg(value_name = "STUDY.toml", required = true)]
+    pub studies: Vec<PathBuf>,
+    /// Forces, pressures and stresses only; no mammogram, no dose
+    #[arg(long)]
+    pub no_picture: bool,
+    /// Folder to write to
+    #[arg(long, value_name = "DIR", default_value = "runs/compare")]
+    pub out: PathBuf,
+}
+
+const COMPARE_EXAMPLES: &str = "\
+Presses each breast as its study says (results of a run are used again) and compares: contact pressure by
+area, stress and stretch by volume, SNR and SDNR by region of interest; of one mesh also how tissue shifts.
+
+Examples:
+  mammotwin study compare rigid.toml flex.toml
+  mammotwin study compare before/study.toml after/study.toml --no-picture --out runs/compare";

@@ -1,8 +1,9 @@
-//! `mammotwin study paddles` and `mammotwin study positions`: one breast, compressed in several ways.
+//! `mammotwin study paddles`, `positions` and `compare`: one breast compressed in several ways, or the
+//! compressions of several studies, beside each other.
 
 use super::{Opened, open, write};
 use crate::{
-    cli::{PaddlesArguments, PositionsArguments, StudyArguments},
+    cli::{CompareArguments, PaddlesArguments, PositionsArguments, StudyArguments},
     comparison::{
         Found, ThesisStudy, Way, comparisons, curves, page, stated, summary, time_courses,
         trends_csv,
@@ -16,7 +17,11 @@ use mammotwin_data::{
     store::{self, Drive, Options},
     study::{CompressPlan, PaddleName},
 };
-use std::fs;
+use std::{
+    collections::BTreeSet,
+    fs,
+    path::{Path, PathBuf},
+};
 
 /// Compresses under several paddles.
 pub fn paddles(arguments: &PaddlesArguments) -> Result<(), Failure> {
@@ -92,13 +97,88 @@ pub(super) fn under(plan: &CompressPlan, paddle: PaddleName) -> Result<CompressP
     Ok(plan.under(paddle))
 }
 
-/// Computes what is not there and writes tables, figures and page.
+/// Puts the compressions of several studies beside the first one's.
+pub fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
+    if arguments.studies.len() < 2 {
+        return Err(Failure::Usage("study compare: name at least two studies".into()));
+    }
+    let (mut all, mut entries, mut told) = (Vec::new(), [0, 0], Vec::new());
+    let mut juxtathoracic_mm = None;
+    for (file, label) in arguments.studies.iter().zip(labels(&arguments.studies)?) {
+        let one = StudyArguments { study: file.clone(), out: None };
+        let (opened, plan) = read(&one, arguments.no_picture)?;
+        let rim_mm = opened.study.comfort.juxtathoracic_mm;
+        if *juxtathoracic_mm.get_or_insert(rim_mm) != rim_mm {
+            let text = format!(
+                "{}: comfort.juxtathoracic_mm differs from the first study's; give the same",
+                file.display()
+            );
+            return Err(Failure::Usage(text));
+        }
+        told.push(format!("{label}: {}", stated(&opened.study.mesh, &plan.law)));
+        // As in a run: its results are used.
+        let (ways, counts) = pressed(&opened, &[(String::new(), plan)])?;
+        all.extend(ways.into_iter().map(|way| Way { label: label.clone(), ..way }));
+        entries = [entries[0] + counts[0], entries[1] + counts[1]];
+    }
+    let subject = all.iter().map(|way| way.label.as_str()).collect::<Vec<_>>().join(", ");
+    let sheet = Sheet {
+        name: "compare",
+        subject,
+        study: None,
+        stated: told.join("\n"),
+        juxtathoracic_mm: juxtathoracic_mm.unwrap_or_default(),
+    };
+    written(&arguments.out, &sheet, &all, entries)
+}
+
+/// What to call studies: by their files, by their folders where files have one name, by both otherwise.
+fn labels(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
+    let text = |part: Option<&std::ffi::OsStr>| {
+        part.map_or_else(|| "study".to_owned(), |part| part.to_string_lossy().replace('.', "-"))
+    };
+    let folder = |file: &PathBuf| {
+        let whole = fs::canonicalize(file).unwrap_or_else(|_| file.clone());
+        text(whole.parent().and_then(Path::file_name))
+    };
+    let stem = |file: &PathBuf| text(file.file_stem());
+    let ways: [&dyn Fn(&PathBuf) -> String; 3] =
+        [&stem, &folder, &|file| format!("{}_{}", folder(file), stem(file))];
+    for name in ways {
+        let all: Vec<String> = files.iter().map(name).collect();
+        if all.iter().collect::<BTreeSet<_>>().len() == all.len() {
+            return Ok(all);
+        }
+    }
+    let text = "study compare: two studies have the same file and folder name; rename a folder";
+    Err(Failure::Usage(text.into()))
+}
+
+/// One breast in several ways.
 fn go(
     opened: &Opened,
     study: ThesisStudy,
-    name: &str,
+    name: &'static str,
     plans: &[(String, CompressPlan)],
 ) -> Result<(), Failure> {
+    let (ways, counts) = pressed(opened, plans)?;
+    let read = &opened.study;
+    let sheet = Sheet {
+        name,
+        subject: read.subject.id.clone(),
+        study: Some(study),
+        // All ways share law and mesh.
+        stated: plans.first().map_or(String::new(), |(_, plan)| stated(&read.mesh, &plan.law)),
+        juxtathoracic_mm: read.comfort.juxtathoracic_mm,
+    };
+    written(&opened.store.out.join("studies").join(name), &sheet, &ways, counts)
+}
+
+/// Computes what is not there; stages that were computed, and all.
+fn pressed(
+    opened: &Opened,
+    plans: &[(String, CompressPlan)],
+) -> Result<(Vec<Way>, [usize; 2]), Failure> {
     opened.refuse_wrong(&findings(&opened.study, &opened.base))?;
     let display = Display::new();
     let Opened { study: read, base, store, .. } = opened;
@@ -112,28 +192,50 @@ fn go(
             Ok(made) => Ok(Found::load(&made, read.mammogram.as_ref())?),
             Err(why) => Err(why),
         };
-        ways.push(Way { label: label.clone(), plan: plan.clone(), found });
+        let mesh_mm = read.mesh.size_mm;
+        ways.push(Way { label: label.clone(), plan: plan.clone(), mesh_mm, found });
     }
-    let folder = store.out.join("studies").join(name);
-    fs::create_dir_all(&folder).map_err(|cause| Failure::io(&folder, cause))?;
-    // All ways share law and mesh.
-    let stated = plans.first().map_or(String::new(), |(_, plan)| stated(&read.mesh, &plan.law));
-    let juxtathoracic_mm = read.comfort.juxtathoracic_mm;
-    let (html, figures) = page(&read.subject.id, study, &ways, &stated, juxtathoracic_mm);
+    let computed = pass.entries.iter().filter(|entry| entry.computed).count();
+    Ok((ways, [computed, pass.entries.len()]))
+}
+
+/// What heads the tables.
+struct Sheet {
+    /// Name of page and table.
+    name: &'static str,
+    /// Whose breasts.
+    subject: String,
+    /// What the thesis has of it.
+    study: Option<ThesisStudy>,
+    /// What the numbers depend on.
+    stated: String,
+    /// Depth of the rim at the chest wall.
+    juxtathoracic_mm: f64,
+}
+
+/// Writes tables, figures and page, and tells the ends.
+fn written(
+    folder: &Path,
+    sheet: &Sheet,
+    ways: &[Way],
+    [computed, all]: [usize; 2],
+) -> Result<(), Failure> {
+    fs::create_dir_all(folder).map_err(|cause| Failure::io(folder, cause))?;
+    let Sheet { name, juxtathoracic_mm, stated, .. } = sheet;
+    let (html, figures) = page(&sheet.subject, sheet.study, ways, stated, *juxtathoracic_mm);
     for figure in &figures {
         write(&folder.join(&figure.name), &figure.bytes)?;
     }
-    write(&folder.join(format!("{name}.csv")), summary(&ways, read.mesh.size_mm))?;
-    write(&folder.join("curves.csv"), curves(&ways))?;
+    write(&folder.join(format!("{name}.csv")), summary(ways))?;
+    write(&folder.join("curves.csv"), curves(ways))?;
     if ways.iter().flat_map(|way| &way.found).any(|found| found.course.is_some()) {
-        write(&folder.join("time_courses.csv"), time_courses(&ways))?;
+        write(&folder.join("time_courses.csv"), time_courses(ways))?;
     }
-    write(&folder.join("trends.csv"), trends_csv(&ways, juxtathoracic_mm))?;
-    write(&folder.join("comparisons.csv"), comparisons(&ways))?;
+    write(&folder.join("trends.csv"), trends_csv(ways, *juxtathoracic_mm))?;
+    write(&folder.join("comparisons.csv"), comparisons(ways))?;
     write(&folder.join(format!("{name}.html")), html)?;
-    let computed = pass.entries.iter().filter(|entry| entry.computed).count();
-    tell!("{computed} of {} stages computed", pass.entries.len());
-    for way in &ways {
+    tell!("{computed} of {all} stages computed");
+    for way in ways {
         match &way.found {
             Ok(found) => tell!(
                 "{:<16} {:>6.1} mm {:>8.3} N  mean {:>7.3} kPa  largest {:>7.3} kPa on faces  {}",

@@ -76,6 +76,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Study(StudyCommand::Discovery(arguments)) => benchmark::benchmark(arguments),
         Command::Study(StudyCommand::Calibration(arguments)) => accuracy::calibration(arguments),
         Command::Study(StudyCommand::Paddles(arguments)) => compare::paddles(arguments),
+        Command::Study(StudyCommand::Compare(arguments)) => compare::compare(arguments),
         Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),
         Command::Study(StudyCommand::Designs(arguments)) => designs::designs(arguments),
         Command::Study(StudyCommand::SearchBox(arguments)) => search_box::search_box(arguments),

@@ -53,7 +53,7 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
         None => vec![of_study(&opened.study, plan.side)?],
     };
     let asked = Asked { jm: &jm, distance_mm: &distance_mm, poses: arguments.poses };
-    let Tried { courses, hanging, mut computed } = asked.press(&opened, &plan, &record)?;
+    let Tried { courses, hanging, fell, mut computed } = asked.press(&opened, &plan, &record)?;
     let grid = Grid { jm: jm.clone(), distance_mm: distance_mm.clone(), courses };
     let folder = opened.store.out.join("studies").join("stiffening");
     fs::create_dir_all(&folder).map_err(|cause| Failure::io(&folder, cause))?;
@@ -75,7 +75,7 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
     } else {
         sentences.extend(other(&opened.study, &plan));
     }
-    let both = Both::new(&hanging, &posterior).filter(|_| arguments.poses);
+    let both = Both::new(&hanging, &fell, &posterior).filter(|_| arguments.poses);
     sentences.extend(both.iter().flat_map(Both::said));
     if arguments.poses {
         write(&folder.join("gravity.csv"), gravity_table(&hanging))?;
@@ -128,6 +128,7 @@ impl Asked<'_> {
                 // The poses do not stand such a material.
                 Err(Failure::Numerics(why)) => {
                     tell!("Jₘ {jm} failed: {why}");
+                    tried.fell.push(jm);
                     tried.courses.extend(ways.iter().map(|_| None));
                 }
                 pressed => pressed?,
@@ -206,6 +207,8 @@ struct Tried {
     courses: Vec<Option<Course>>,
     /// What is left of the poses with each Jₘ that they stand.
     hanging: Vec<Hanging>,
+    /// Those with which no breast stood.
+    fell: Vec<f64>,
     /// Stages that were computed, and all.
     computed: [usize; 2],
 }

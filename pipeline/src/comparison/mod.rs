@@ -34,6 +34,8 @@ pub struct Way {
     pub label: String,
     /// How it was compressed.
     pub plan: CompressPlan,
+    /// Edge of its elements (mm).
+    pub mesh_mm: f64,
     /// What was found, or why nothing was.
     pub found: Result<Found, String>,
 }

@@ -66,17 +66,18 @@ pub struct Figure {
     element: String,
 }
 
-/// The page and its figures.
+/// The page and its figures; beside what the thesis has, where it is one of its studies.
 pub fn page(
     subject: &str,
-    study: ThesisStudy,
+    study: Option<ThesisStudy>,
     ways: &[Way],
     stated: &str,
     juxtathoracic_mm: f64,
 ) -> (String, Vec<Figure>) {
     let title = match study {
-        ThesisStudy::Paddles => "One breast under several paddles",
-        ThesisStudy::Positions => "One breast, the paddle at several distances",
+        Some(ThesisStudy::Paddles) => "One breast under several paddles",
+        Some(ThesisStudy::Positions) => "One breast, the paddle at several distances",
+        None => "Compressions of several studies",
     };
     let figures = figures(study, ways);
     let mut html = begin(title, subject, FIGURES_AND_TABLES);
@@ -109,11 +110,15 @@ pub fn page(
         }
     }
     html += &table(&head, &rows);
-    let _ = writeln!(html, "<p>{}</p>", escaped(stated));
-    html += "<h2>The thesis</h2>\n";
-    let (head, rows) = study.table();
-    html += &table(&head, &rows);
-    let _ = writeln!(html, "<p>{}</p>", escaped(study.caption()));
+    for line in stated.lines() {
+        let _ = writeln!(html, "<p>{}</p>", escaped(line));
+    }
+    if let Some(study) = study {
+        html += "<h2>The thesis</h2>\n";
+        let (head, rows) = study.table();
+        html += &table(&head, &rows);
+        let _ = writeln!(html, "<p>{}</p>", escaped(study.caption()));
+    }
     html += "<h2>Published compressions</h2>\n";
     let rows: Vec<Vec<String>> =
         trends::agreements(&found, juxtathoracic_mm).iter().map(agreement).collect();
@@ -172,12 +177,12 @@ fn differences_table(first: &Found, others: &[(&Way, &Found)]) -> String {
     table(&head.map(String::from), &rows)
 }
 
-fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
+fn figures(study: Option<ThesisStudy>, ways: &[Way]) -> Vec<Figure> {
     let found: Vec<(&Way, &Found)> =
         ways.iter().filter_map(|way| Some((way, way.found.as_ref().ok()?))).collect();
     // Courses of more than a handful of ways cannot be told apart: those of the first paddle.
     let drawn: Vec<(&Way, &Found)> = match (study, found.first()) {
-        (ThesisStudy::Positions, Some((first, _))) => {
+        (Some(ThesisStudy::Positions), Some((first, _))) => {
             found.iter().copied().filter(|(way, _)| way.plan.paddle == first.plan.paddle).collect()
         }
         _ => found.clone(),
@@ -232,7 +237,7 @@ fn figures(study: ThesisStudy, ways: &[Way]) -> Vec<Figure> {
         let title = "Force in time: closing, clamping, opening";
         add("force_in_time.svg", chart(title, "time (s)", "force (N)", all, Axis::Rising));
     }
-    if study == ThesisStudy::Positions {
+    if study == Some(ThesisStudy::Positions) {
         type ByDistance = (&'static str, fn(&Found) -> f64, &'static str, &'static str);
         let by_distance: [ByDistance; 3] = [
             ("force_by_distance.svg", |f| f.metric("force_n"), "Force at the end", "force (N)"),

@@ -18,7 +18,7 @@ pub fn stated(mesh: &MeshPlan, law: &CompressLaw) -> String {
 }
 
 /// One row a way: how it was compressed, how that ended, all metrics.
-pub fn summary(ways: &[Way], mesh_mm: f64) -> String {
+pub fn summary(ways: &[Way]) -> String {
     let names: Vec<&str> = ways
         .iter()
         .filter_map(|way| way.found.as_ref().ok())
@@ -36,7 +36,7 @@ pub fn summary(ways: &[Way], mesh_mm: f64) -> String {
         let (paddle, distance) = (way.plan.paddle.name(), way.plan.chest_wall_distance_mm);
         let law = &way.plan.law;
         let jm = law.jm.map_or(String::new(), |jm| jm.to_string());
-        let of = format!("{mesh_mm},{},{jm},{}", law.name.name(), law.poisson);
+        let of = format!("{},{},{jm},{}", way.mesh_mm, law.name.name(), law.poisson);
         let _ = write!(text, "{},{paddle},{distance},{of}", way.label);
         match &way.found {
             Ok(found) => {

@@ -38,11 +38,24 @@ pub struct Both {
 const CONTRADICTION: f64 = 0.05;
 
 impl Both {
-    /// Of what was left with each Jₘ (rising); `None` when the poses have no solution with any.
-    pub fn new(hanging: &[Hanging], posterior: &Posterior) -> Option<Self> {
-        let logs: Vec<f64> =
-            posterior.jm.iter().map(|jm| logarithm(hanging, *jm)).collect::<Option<_>>()?;
+    /// Of what was left with each Jₘ (rising), the poses having no solution with those that `fell`; `None` when they
+    /// have none with any.
+    pub fn new(hanging: &[Hanging], fell: &[f64], posterior: &Posterior) -> Option<Self> {
+        let log = |jm: &f64| {
+            let apart = |other: f64| (jm / other).ln().abs();
+            let nearest =
+                hanging.iter().map(|h| apart(h.jm)).fold(f64::INFINITY, f64::min);
+            // Nearer to one with which nothing stood than to any that did.
+            if fell.iter().any(|fell| apart(*fell) < nearest) {
+                return Some(f64::NEG_INFINITY);
+            }
+            logarithm(hanging, *jm)
+        };
+        let logs: Vec<f64> = posterior.jm.iter().map(log).collect::<Option<_>>()?;
         let most = logs.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        if most == f64::NEG_INFINITY {
+            return None;
+        }
         let poses = normal(logs.into_iter().map(|log| (log - most).exp()).collect());
         let record = posterior.sums()[0].clone();
         let joint = normal(poses.iter().zip(&record).map(|(a, b)| a * b).collect());
@@ -138,7 +151,7 @@ mod tests {
 
     #[test]
     fn one_material_is_found_where_both_ask_for_it() {
-        let both = Both::new(&hanging(1.4), &record(1.5)).unwrap();
+        let both = Both::new(&hanging(1.4), &[], &record(1.5)).unwrap();
         let Marginal { median, interval, .. } = both.marginal(&both.joint);
         assert!((median - 1.45).abs() < 0.1, "{median}");
         // Both together are surer than each.
@@ -151,10 +164,19 @@ mod tests {
 
     #[test]
     fn poses_and_record_that_ask_for_two_materials_contradict_each_other() {
-        let both = Both::new(&hanging(3.0), &record(0.7)).unwrap();
+        let both = Both::new(&hanging(3.0), &[], &record(0.7)).unwrap();
         assert!(both.overlap < CONTRADICTION, "{}", both.overlap);
         assert!(both.said()[1].starts_with("No one"));
-        assert!(Both::new(&[], &record(1.0)).is_none());
+        assert!(Both::new(&[], &[0.5], &record(1.0)).is_none());
+    }
+
+    #[test]
+    fn what_no_pose_stands_has_no_weight() {
+        let stood = &hanging(0.7)[2..];
+        let both = Both::new(stood, &[0.5, 0.7], &record(1.0)).unwrap();
+        let below: f64 =
+            both.jm.iter().zip(&both.poses).filter(|(jm, _)| **jm < 0.83).map(|(_, w)| w).sum();
+        assert!(below == 0.0 && both.poses.iter().sum::<f64>() > 0.999, "{below}");
     }
 
     #[test]
@@ -162,7 +184,7 @@ mod tests {
         let width = |independent: f64| {
             let few: Vec<Hanging> =
                 hanging(1.4).into_iter().map(|h| Hanging { independent, ..h }).collect();
-            let both = Both::new(&few, &record(1.4)).unwrap();
+            let both = Both::new(&few, &[], &record(1.4)).unwrap();
             let [low, high] = both.marginal(&both.poses).interval;
             high / low
         };

@@ -147,8 +147,8 @@ pub struct SecondStart {
 
 /// Moduli of the second start over those of the first.
 const SECOND_START: f64 = 3.0;
-/// Moduli that differ by less than this part are alike: a search ends within a hundredth of its minimum.
-const ALIKE: f64 = 0.03;
+/// Moduli that differ by less than this part are alike: each search may end a twentieth from its minimum.
+const ALIKE: f64 = 0.1;
 
 impl SecondStart {
     /// Whether it ended where the first search did.

@@ -19,7 +19,7 @@ use mammotwin_data::{
 use nalgebra::{DMatrix, DVector, Vector2};
 
 /// Moduli between which the search stays (kPa).
-const BOUNDS_KPA: [f64; 2] = [0.05, 20.0];
+pub(super) const BOUNDS_KPA: [f64; 2] = [0.05, 20.0];
 /// Trials at most.
 const MAX_TRIALS: usize = 9;
 /// First change of the logarithms of the moduli, and the largest in one step.
@@ -29,8 +29,10 @@ const STRIDE: f64 = 0.7;
 const CLOSE: f64 = 0.01;
 /// A search that ends with a whole step longer than this has not found the minimum.
 const NEAR: f64 = 0.05;
-/// Differences over a shorter step than this say nothing new.
+/// Differences over a shorter step than this say nothing; over one shorter than the next they say nothing new: what the
+/// other breast, or an equilibrium that is met within its tolerance, moves of a skin would count as the modulus' doing.
 const SHORTEST: f64 = 0.003;
+const TELLING: f64 = 0.05;
 /// Length (mm) over which errors of segmentation and mesh are alike along the skin.
 const ALIKE_MM: f64 = 20.0;
 
@@ -91,10 +93,16 @@ impl Compared {
     }
 
     /// Change of the distances (mm) from one point to another for a change of one breast's modulus by
-    /// a factor e; `None` when that modulus hardly changed.
-    fn slope(&self, from: &Point, to: &Point, side: Side) -> Option<DVector<f64>> {
+    /// a factor e; `None` when the logarithm of that modulus changed by less than `shortest`.
+    fn slope(
+        &self,
+        from: &Point,
+        to: &Point,
+        side: Side,
+        shortest: f64,
+    ) -> Option<DVector<f64>> {
         let change = to.at[side as usize] - from.at[side as usize];
-        if change.abs() < SHORTEST {
+        if change.abs() < shortest {
             return None;
         }
         let all = (&to.signed_mm - &from.signed_mm) / change;
@@ -155,8 +163,10 @@ impl Search<'_> {
             }
             if let Some(best) = &best {
                 for &side in &self.fitted {
-                    if let Some(slope) = known.slope(best, &point, side) {
-                        slopes[side as usize] = Some(slope);
+                    let held = &mut slopes[side as usize];
+                    let shortest = if held.is_some() { TELLING } else { SHORTEST };
+                    if let Some(slope) = known.slope(best, &point, side, shortest) {
+                        *held = Some(slope);
                     }
                 }
             }
@@ -174,12 +184,19 @@ impl Search<'_> {
                 converged = step.amax() < NEAR;
                 break;
             }
+            let known_slopes = step.is_some();
             let step = step.map_or_else(|| self.first(best), |step| damping * step);
             let [low, high] = BOUNDS_KPA.map(f64::ln);
-            let next = |side: Side| {
+            let to = |side: Side| {
                 let k = side as usize;
-                (best.at[k] + step[k].clamp(-STRIDE, STRIDE)).clamp(low, high).exp()
+                (best.at[k] + step[k].clamp(-STRIDE, STRIDE)).clamp(low, high)
             };
+            // A modulus that is held at its bound is not tried there again and again.
+            let stays = |side: &Side| (to(*side) - best.at[*side as usize]).abs() < CLOSE;
+            if known_slopes && self.fitted.iter().all(stays) {
+                break;
+            }
+            let next = |side: Side| to(side).exp();
             let fitted =
                 |side: Side, now: f64| if self.fitted.contains(&side) { next(side) } else { now };
             moduli = Moduli {

@@ -8,7 +8,7 @@ use crate::{
 use mammotwin_data::{
     labels::Side,
     metric::Metric,
-    study::{LayerPlan, ModelPlan},
+    study::{InterfaceKind, LayerPlan, ModelPlan},
 };
 
 /// Said where no marker tests the fit.
@@ -106,6 +106,12 @@ pub fn untold(model: &ModelPlan, parameters: &[String], calibration: &Calibratio
              them, the breast comes out too stiff, else too soft. The stated intervals know nothing of it."
                 .into(),
         );
+        if model.interface.kind == InterfaceKind::Bonded && model.muscle.rigid {
+            text.push(
+                "The breast is bonded to a rigid chest wall: the fascia lies on it, carries nothing, and no pose tells of it."
+                    .into(),
+            );
+        }
     }
     if let Some(correlation) = calibration.precision.correlation {
         text.push(

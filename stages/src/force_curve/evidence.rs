@@ -363,7 +363,10 @@ impl<'a> Weighed<'a> {
         let own: Vec<DVector<f64>> = at_seen.iter().map(|c| c.select_rows(seen)).collect();
         let own = DMatrix::from_columns(&own);
         let [offset, stiffness] = self.priors;
-        let prior = [offset.powi(-2), stiffness.powi(-2), 0.0].to_vec();
+        // At the end of a ladder nothing changes with the amplitude: it lies within the ladder, at least.
+        let [least, greatest] = self.evidence.ladders[ladder].range();
+        let amplitude = greatest - least;
+        let prior = [offset, stiffness, amplitude].map(|size| size.powi(-2)).to_vec();
         let prior = DMatrix::from_diagonal(&DVector::from_vec(prior));
         let open = (own.transpose() * factor.solve(&own) + prior).try_inverse()?;
         let mut by = DMatrix::from_columns(

@@ -246,8 +246,9 @@ pub fn along_muscle(person: &Preset, arc_mm: f64) -> Vec3 {
 
 /// First-order distance from an ellipse about the origin; exact on it.
 pub(super) fn ellipse(x: f64, y: f64, a: f64, b: f64) -> f64 {
-    let level = (x / a).hypot(y / b);
-    let slope = (x / (a * a)).hypot(y / (b * b));
+    // These are asked for at every voxel: `hypot`, which minds overflow, takes a seventh of the drawing.
+    let level = ((x / a).powi(2) + (y / b).powi(2)).sqrt();
+    let slope = ((x / (a * a)).powi(2) + (y / (b * b)).powi(2)).sqrt();
     if slope < 1e-9 { -a.min(b) } else { level * (level - 1.0) / slope }
 }
 

@@ -10,6 +10,7 @@ pub mod noise;
 mod substance;
 
 pub use coil::Coil;
+use noise::Smooth;
 pub use substance::Substance;
 
 use mammotwin_data::{
@@ -93,6 +94,7 @@ fn take_slices(
 ) {
     let [ni, nj, nk] = grid.shape;
     let slice = ni * nj;
+    let mut texture = Texture::new(scan.texture_seed);
     let plane = |k: usize| -> Vec<Sample> {
         (0..slice).map(|n| body(&grid.center([n % ni, n / ni, k]))).collect()
     };
@@ -117,13 +119,13 @@ fn take_slices(
                 && same(&here[if j + 1 < nj { n + ni } else { n }]);
             let place = grid.center([i, j, k]);
             let signal = if pure {
-                brightness(scan, sample)
+                texture.brightness(sample)
             } else {
                 let mut sum = 0.0;
                 for corner in 0..8 {
                     let quarter = |bit: usize| if corner >> bit & 1 == 1 { 0.25 } else { -0.25 };
                     let shift = grid.axes * Vec3::new(quarter(0), quarter(1), quarter(2));
-                    sum += brightness(scan, &body(&(place + shift)));
+                    sum += texture.brightness(&body(&(place + shift)));
                 }
                 sum / 8.0
             };
@@ -136,22 +138,40 @@ fn take_slices(
     }
 }
 
-/// Signal of a point relative to fat, with the texture of its tissue.
-fn brightness(scan: &Scan, sample: &Sample) -> f64 {
-    let amplitude = sample.substance.texture();
-    if amplitude == 0.0 {
-        return sample.substance.signal();
+/// What textures a picture: grains, and septa of fat.
+struct Texture {
+    grains: [Smooth; 2],
+    sheets: Smooth,
+    strength: Smooth,
+}
+
+impl Texture {
+    fn new(seed: u64) -> Self {
+        Self {
+            grains: [Smooth::new(seed, 2.5), Smooth::new(seed ^ 1, 7.0)],
+            sheets: Smooth::new(seed ^ 2, 15.0),
+            strength: Smooth::new(seed ^ 3, 20.0),
+        }
     }
-    let (seed, at) = (scan.texture_seed, &sample.material);
-    let grain = noise::smooth(seed, at, 2.5) + 1.4 * noise::smooth(seed ^ 1, at, 7.0);
-    let mut signal = sample.substance.signal() * (1.0 + amplitude * grain).max(0.0);
-    if sample.substance == Substance::Fat {
-        // Fibrous septa: thin dark sheets where a slow noise crosses zero.
-        let sheet = 1.0 - noise::smooth(seed ^ 2, at, 15.0).abs() / 0.05;
-        let strength = (0.5 + noise::smooth(seed ^ 3, at, 20.0)).clamp(0.0, 1.0);
-        signal *= 1.0 - 0.55 * strength * sheet.max(0.0);
+
+    /// Signal of a point relative to fat, with the texture of its tissue.
+    fn brightness(&mut self, sample: &Sample) -> f64 {
+        let amplitude = sample.substance.texture();
+        if amplitude == 0.0 {
+            return sample.substance.signal();
+        }
+        let at = &sample.material;
+        let [fine, coarse] = &mut self.grains;
+        let grain = fine.at(at) + 1.4 * coarse.at(at);
+        let mut signal = sample.substance.signal() * (1.0 + amplitude * grain).max(0.0);
+        if sample.substance == Substance::Fat {
+            // Fibrous septa: thin dark sheets where a slow noise crosses zero.
+            let sheet = 1.0 - self.sheets.at(at).abs() / 0.05;
+            let strength = (0.5 + self.strength.at(at)).clamp(0.0, 1.0);
+            signal *= 1.0 - 0.55 * strength * sheet.max(0.0);
+        }
+        signal
     }
-    signal
 }
 
 #[cfg(test)]
@@ -178,8 +198,10 @@ mod tests {
         let sum: f64 = picture.magnitude.values.iter().map(|&v| f64::from(v)).sum();
         // The texture does not average to nothing over so small a ball: integrate it, too.
         let fine = Grid::aligned([100; 3], [0.25; 3], Vec3::from_element(-12.375));
-        let exact: f64 =
-            (0..fine.len()).map(|n| brightness(&quiet(), &ball(&fine.center(fine.voxel(n))))).sum();
+        let mut texture = Texture::new(quiet().texture_seed);
+        let exact: f64 = (0..fine.len())
+            .map(|n| texture.brightness(&ball(&fine.center(fine.voxel(n)))))
+            .sum();
         let ratio = sum * grid.voxel_mm3() / (1000.0 * exact * fine.voxel_mm3());
         assert!((ratio - 1.0).abs() < 0.003, "signal of the picture over the true one: {ratio}");
         let volume = 4.0 / 3.0 * std::f64::consts::PI * 12f64.powi(3);

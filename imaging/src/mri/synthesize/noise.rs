@@ -27,21 +27,53 @@ pub fn normal_pair(seed: u64, counter: u64) -> [f64; 2] {
 /// Smooth noise in -1..1 with features about `scale_mm` across: random values on a cubic
 /// lattice, blended with a C1 weight.
 pub fn smooth(seed: u64, place: &Vec3, scale_mm: f64) -> f64 {
-    let scaled = place / scale_mm;
-    let low = scaled.map(f64::floor);
-    let part = (scaled - low).map(|t| t * t * (3.0 - 2.0 * t));
-    let corner = |axis: usize, up: i64| ((low[axis] as i64 + up) as u64) & 0x1F_FFFF;
-    let mut sum = 0.0;
-    for n in 0..8i64 {
-        let up = [n & 1, n >> 1 & 1, n >> 2];
-        let key = corner(0, up[0]) | corner(1, up[1]) << 21 | corner(2, up[2]) << 42;
-        let mut weight = 2.0 * unit(mix(seed ^ mix(key))) - 1.0;
-        for axis in 0..3 {
-            weight *= if up[axis] == 1 { part[axis] } else { 1.0 - part[axis] };
-        }
-        sum += weight;
+    Smooth::new(seed, scale_mm).at(place)
+}
+
+/// The same for many places: what is drawn for the corners of a cell is kept while places stay in it.
+#[derive(Debug, Clone)]
+pub struct Smooth {
+    seed: u64,
+    scale_mm: f64,
+    /// Lower corner of the cell; no number before the first place.
+    cell: Vec3,
+    corners: [f64; 8],
+}
+
+impl Smooth {
+    /// Features about `scale_mm` across.
+    pub fn new(seed: u64, scale_mm: f64) -> Self {
+        Self { seed, scale_mm, cell: Vec3::repeat(f64::NAN), corners: [0.0; 8] }
     }
-    sum
+
+    /// The value at a place.
+    pub fn at(&mut self, place: &Vec3) -> f64 {
+        let scaled = place / self.scale_mm;
+        let low = scaled.map(f64::floor);
+        if low != self.cell {
+            self.enter(low);
+        }
+        let part = (scaled - low).map(|t| t * t * (3.0 - 2.0 * t));
+        let mut sum = 0.0;
+        for (n, value) in self.corners.iter().enumerate() {
+            let mut weight = *value;
+            for axis in 0..3 {
+                weight *= if n >> axis & 1 == 1 { part[axis] } else { 1.0 - part[axis] };
+            }
+            sum += weight;
+        }
+        sum
+    }
+
+    fn enter(&mut self, low: Vec3) {
+        self.cell = low;
+        let corner = |axis: usize, up: i64| ((low[axis] as i64 + up) as u64) & 0x1F_FFFF;
+        for (n, value) in self.corners.iter_mut().enumerate() {
+            let up = |axis: usize| (n >> axis & 1) as i64;
+            let key = corner(0, up(0)) | corner(1, up(1)) << 21 | corner(2, up(2)) << 42;
+            *value = 2.0 * unit(mix(self.seed ^ mix(key))) - 1.0;
+        }
+    }
 }
 
 #[cfg(test)]
@@ -59,6 +91,16 @@ mod tests {
         assert!((moment(2) - 1.0).abs() < error * 2f64.sqrt());
         assert!(moment(3).abs() < error * 15f64.sqrt());
         assert!((moment(4) - 3.0).abs() < error * 96f64.sqrt());
+    }
+
+    #[test]
+    fn what_is_kept_of_a_cell_changes_nothing() {
+        let mut kept = Smooth::new(5, 3.0);
+        for n in 0..400 {
+            let t = f64::from(n);
+            let place = Vec3::new(0.37 * t - 40.0, 9.0 * (0.1 * t).sin(), 0.11 * t);
+            assert_eq!(kept.at(&place).to_bits(), smooth(5, &place, 3.0).to_bits());
+        }
     }
 
     #[test]

@@ -48,6 +48,8 @@ const WITHIN: f64 = 0.8;
 const DISTANCE_MM: f64 = 25.0;
 const THICKEST_MM: f64 = 115.0;
 const THINNEST_MM: f64 = 46.0;
+/// A truth that ends by so much (mm) before is tried with a record that ends there.
+const EARLY_MM: f64 = 10.0;
 const POINTS: usize = 16;
 /// Times the draws where nothing is hidden.
 const NULLS: usize = 5;
@@ -202,13 +204,14 @@ impl Subject {
             hidden.push(way(label, effect.switched(&plan, *amplitude)));
         }
         let mut courses = kept.press(&hidden, task, 0.6)?.into_iter();
-        let reaches = |course: &Pressed| course.thinnest_mm() <= THINNEST_MM + 1e-6;
-        let nothing = courses.next().flatten().filter(reaches).ok_or_else(|| {
+        let reaches = |mm: f64| move |course: &Pressed| course.thinnest_mm() <= mm + 1e-6;
+        let nothing = courses.next().flatten().filter(reaches(THINNEST_MM)).ok_or_else(|| {
             let why = "has no equilibrium or leaps to another one";
             Failure::Numerics(format!("study force-curve: above {THINNEST_MM} mm the truth {why}"))
         })?;
         for (truth, course) in truths.iter_mut().zip(courses) {
-            truth.course = course.filter(reaches);
+            // Tissue at its limiting stretch ends a compression early: the record ends there.
+            truth.course = course.filter(reaches(THINNEST_MM + EARLY_MM));
         }
         Ok(Self { seed: kept.person.seed, evidence, places, nothing, truths })
     }
@@ -218,7 +221,7 @@ impl Subject {
         let error = &self.evidence.error;
         let seed = self.seed.wrapping_mul(1_000_003).wrapping_add(draw);
         let stiffness = drawn_stiffness(error, seed);
-        let places = (POINTS, THICKEST_MM, THINNEST_MM);
+        let places = (POINTS, THICKEST_MM, course.thinnest_mm().max(THINNEST_MM));
         let one = |n: u64| {
             let own = seed.wrapping_mul(2).wrapping_add(n);
             measured(course, places, error, how, (stiffness, own))
@@ -284,8 +287,9 @@ impl Subject {
                 let seen = self.places.only(channels);
                 ladder.and_then(|n| size_of(&self.evidence, &seen, n, truth.amplitude))
             });
-            let (name, reached) = (truth.effect.name, truth.course.is_some());
-            shown.truths.push((self.seed, name, truth.sigma, truth.amplitude, sizes, reached));
+            let name = truth.effect.name;
+            let ended_mm = truth.course.as_ref().map(Pressed::thinnest_mm);
+            shown.truths.push((self.seed, name, truth.sigma, truth.amplitude, sizes, ended_mm));
             let Some(course) = truth.course.as_ref().filter(|_| truth.sigma > SIGMAS[0]) else {
                 continue;
             };

@@ -15,8 +15,8 @@ use std::{fmt::Write, path::Path};
 
 /// Person, data, screening, names of the ladders.
 pub type Screened = (u64, &'static str, CurveScreening, Vec<&'static str>);
-/// Person, effect, severity, amplitude, sizes, whether the truth reached its thickness.
-pub type Hidden = (u64, &'static str, f64, f64, [Option<f64>; 3], bool);
+/// Person, effect, severity, amplitude, sizes, thickness (mm) at which the truth ended, if it was tried.
+pub type Hidden = (u64, &'static str, f64, f64, [Option<f64>; 3], Option<f64>);
 
 /// What a benchmark shows beside its trials.
 #[derive(Default)]
@@ -24,7 +24,7 @@ pub struct Shown {
     /// Person, data, screening of a record without errors, names of the ladders.
     pub screens: Vec<Screened>,
     /// Person, effect, severity asked for, amplitude, its size with each kind of data (standard deviations),
-    /// and whether the truth reached the smallest thickness.
+    /// and the thickness (mm) at which the truth ended: too early when `None`.
     pub truths: Vec<Hidden>,
 }
 
@@ -166,14 +166,14 @@ pub fn markdown(trials: &[Trial], shown: &Shown, arguments: &ForceCurveArguments
         text.push('\n');
     }
     text += "\n## What was hidden\n\n| effect | seed | asked for (σ) | amplitude | force (σ) | with picture (σ) | with \
-             tilt (σ) | truth reached its thickness |\n|---|---|---|---|---|---|---|---|\n";
-    for (seed, name, sigma, amplitude, sizes, reached) in &shown.truths {
+             tilt (σ) | truth ended at (mm) |\n|---|---|---|---|---|---|---|---|\n";
+    for (seed, name, sigma, amplitude, sizes, ended_mm) in &shown.truths {
         let size = |s: &Option<f64>| s.map_or("-".into(), |s| format!("{s:.1}"));
-        let reached = if *reached { "yes" } else { "no: not tried" };
+        let ended = ended_mm.map_or("too early: not tried".into(), |mm| format!("{mm:.1}"));
         let [a, b, c] = sizes.each_ref().map(size);
         let _ = writeln!(
             text,
-            "| {name} | {seed} | {sigma} | {amplitude:.3} | {a} | {b} | {c} | {reached} |"
+            "| {name} | {seed} | {sigma} | {amplitude:.3} | {a} | {b} | {c} | {ended} |"
         );
     }
     text += "\n## Found\n\nOf the detected: is the hidden effect the best one, among the best two, in the set that the \
