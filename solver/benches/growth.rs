@@ -42,7 +42,8 @@ fn main() {
         // 6 tetrahedra a cube, twice as many cubes along the sides as in height: 24 n³ of them.
         let n = (1e3 * size as f64 / 24.0).cbrt().round() as usize;
         let step = 80.0 / n as f64;
-        let mesh = brick([2 * n, 2 * n, n], |i, j, l| step * Vec3::new(i as f64, j as f64, l as f64));
+        let mesh =
+            brick([2 * n, 2 * n, n], |i, j, l| step * Vec3::new(i as f64, j as f64, l as f64));
         let law = Law::neo_hookean_coupled(0.5, 0.49).unwrap();
         let mut model = Model::new(&mesh);
         model.add(Bulk::new("block", &mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();

@@ -316,9 +316,11 @@ pub(crate) fn walk(
 
 /// How often a search at the smallest load step may go on, over the whole way.
 const PATIENCE: usize = 10;
+/// A body that has gone so many times farther than its own size is falling.
+const FALL: f64 = 3.0;
 
 /// Goes on with a search that ended for the number of its iterations alone: a slow descent past a point of buckling is
-/// no fall. A body that has gone farther than its own size from `state` is falling. `None` without an equilibrium;
+/// no fall. A body that has gone several times farther than its own size from `state` is falling. `None` without an equilibrium;
 /// the trial then is as it was.
 fn go_on(
     newton: &mut Newton,
@@ -329,12 +331,11 @@ fn go_on(
     patience: &mut usize,
     counts: &mut Checks,
 ) -> Option<()> {
-    let [low, high] = [Vec3::inf, Vec3::sup].map(|of| {
-        model.rest.iter().copied().reduce(|a, b| of(&a, &b)).unwrap_or_default()
-    });
+    let [low, high] = [Vec3::inf, Vec3::sup]
+        .map(|of| model.rest.iter().copied().reduce(|a, b| of(&a, &b)).unwrap_or_default());
     let fell = |now: &State| {
         let ways = state.points.iter().zip(&now.points).map(|(from, to)| (to - from).norm());
-        ways.fold(0.0, f64::max) > (high - low).norm()
+        ways.fold(0.0, f64::max) > FALL * (high - low).norm()
     };
     let mut further = trial.clone();
     while *patience > 0 && !fell(&further) {
@@ -362,8 +363,9 @@ const MOVES: usize = 40;
 const SHRINKING: f64 = 0.25;
 /// How much stiffer.
 const STIFFENING: f64 = 4.0;
-/// Most such changes at one load.
+/// Most such changes at one load, and over a whole path: loads that are carried keep their penalties.
 const STIFFENINGS: usize = 4;
+const STIFFENINGS_IN_ALL: usize = 8;
 
 /// Minimum of the energy at the state's load, with all contacts tight.
 fn balance(
@@ -398,9 +400,11 @@ fn balance(
         }
         rounds += 1;
         // Tissue near its limit is stiffer than its modulus says: the penalties must follow.
-        if open > SHRINKING * before && stiffened < STIFFENINGS {
+        if open > SHRINKING * before
+            && stiffened < STIFFENINGS
+            && state.stiffenings < STIFFENINGS_IN_ALL
+        {
             state.stiffen_contacts(STIFFENING);
-            eprintln!("STIFFEN load {:?} rounds {rounds} open {open} before {before} max {:e}", state.load, state.shear_kpa.iter().copied().fold(0.0, f64::max));
             stiffened += 1;
         }
         before = open;
@@ -472,10 +476,7 @@ pub(crate) fn finish(
         max_gap_mm: contact.gap_mm.max(contact.slip_mm),
         force_imbalance: sum.norm() / largest,
         moment_imbalance: turned.norm() / most,
-        internal_imbalance: f64::max(
-            own_force / scale.max(f64::MIN_POSITIVE),
-            own_moment / most,
-        ),
+        internal_imbalance: f64::max(own_force / scale.max(f64::MIN_POSITIVE), own_moment / most),
         friction_lag: contact.friction_lag,
         ..counts
     };

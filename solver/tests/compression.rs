@@ -220,14 +220,34 @@ fn a_fine_breast_reaches_50_mm() {
     check(&squeeze(&fine(), law, 10.0, 50.0), 50.0);
 }
 
-/// Verifies: force of the paddle at 80 mm, linear tetrahedra of 5 k | FEBio 4, quadratic: 0.40 N | 5 %
-#[test]
-fn the_force_is_that_of_quadratic_tetrahedra() {
-    for poisson in [0.49, 0.499] {
-        let law = Law::neo_hookean_coupled(0.5, poisson).unwrap();
-        let [upper, lower] = forces_n(&squeeze(&coarse(), law, 10.0, 80.0), 80.0);
-        println!("ν = {poisson}: {upper:.4} {lower:.4} N");
+/// Force (N) at 80 mm of ten-node tetrahedra of FEBio 4 on the mesh of 5 k, as it was noted: two digits. Its linear ones
+/// have 0.68 N.
+const PUBLISHED_N: f64 = 0.40;
+/// The same of our ten-node tetrahedra, mean of both plates ([`quadratic_n`]).
+const QUADRATIC_N: f64 = 0.4105;
+
+#[track_caller]
+fn check_force(body: &Body, tolerance: f64) {
+    let law = Law::neo_hookean_coupled(0.5, 0.49).unwrap();
+    let found = forces_n(&squeeze(body, law, 10.0, 80.0), 80.0);
+    println!("{found:.4?} N");
+    for force in found {
+        assert!((force / QUADRATIC_N - 1.0).abs() < tolerance, "{force} N");
+        assert!((force / PUBLISHED_N - 1.0).abs() < tolerance + 0.03, "{force} N");
     }
+}
+
+/// Verifies: force of both plates at 80 mm, linear tetrahedra of 5 k | own quadratic: 0.4105 N; FEBio 4, quadratic: 0.40 N | 9 %; 12 %
+#[test]
+fn the_force_is_near_that_of_quadratic_tetrahedra() {
+    check_force(&coarse(), 0.09);
+}
+
+/// Verifies: force of both plates at 80 mm, linear tetrahedra of 20 k | own quadratic: 0.4105 N; FEBio 4, quadratic: 0.40 N | 5 %; 8 %
+#[test]
+#[ignore = "half a minute: 20 k tetrahedra"]
+fn the_force_of_finer_tetrahedra_is_nearer() {
+    check_force(&fine(), 0.05);
 }
 
 /// Force (N) of both plates on ten-node tetrahedra.
@@ -260,19 +280,22 @@ fn quadratic_n(body: &Body, law: Law, goal_mm: f64) -> [f64; 2] {
         stops: whole.stops,
     };
     let clock = std::time::Instant::now();
-    let done = compress(model, &plates, &closing, &mesh.points, &Options::default(), &Silent).unwrap();
+    let done =
+        compress(model, &plates, &closing, &mesh.points, &Options::default(), &Silent).unwrap();
     println!("{:?}: {:?}", clock.elapsed(), done.solution.checks);
     check(&done, goal_mm);
     forces_n(&done, goal_mm)
 }
 
-/// Verifies: force of the paddle at 80 mm, ten-node tetrahedra of 5 k | FEBio 4, quadratic: 0.40 N | 5 %
+/// Verifies: force of both plates at 80 mm, ten-node tetrahedra of 5 k | FEBio 4, quadratic: 0.40 N | 3.5 %
 #[test]
-#[ignore = "minutes: ten-node tetrahedra"]
+#[ignore = "half a minute: ten-node tetrahedra"]
 fn the_force_on_quadratic_tetrahedra_is_that_of_another_code() {
-    for poisson in [0.49, 0.499] {
-        let law = Law::neo_hookean_coupled(0.5, poisson).unwrap();
-        let [upper, lower] = quadratic_n(&coarse(), law, 80.0);
-        println!("ν = {poisson}: quadratic {upper:.4} {lower:.4} N");
+    let law = Law::neo_hookean_coupled(0.5, 0.49).unwrap();
+    let found = quadratic_n(&coarse(), law, 80.0);
+    println!("{found:.4?} N");
+    for force in found {
+        assert!((force / PUBLISHED_N - 1.0).abs() < 0.035, "{found:?} N");
+        assert!((force / QUADRATIC_N - 1.0).abs() < 0.005, "{found:?} N");
     }
 }

@@ -370,7 +370,8 @@ fn plates_with_friction_hold_what_they_touch() {
 /// A large soft block, 400 x 400 x 80 mm, on a rough plane under gravity that is put on in `steps` and then stays for
 /// four more.
 fn rough(steps: usize) -> (TetMesh, Vec<Solution>) {
-    let mesh = brick([4, 4, 2], |i, j, l| Vec3::new(100.0 * i as f64, 100.0 * j as f64, 40.0 * l as f64));
+    let mesh =
+        brick([4, 4, 2], |i, j, l| Vec3::new(100.0 * i as f64, 100.0 * j as f64, 40.0 * l as f64));
     let mut model = Model::new(&mesh);
     let law = Law::neo_hookean_coupled(1.8, 0.45).unwrap();
     model.add(Bulk::new("block", &mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
@@ -390,9 +391,8 @@ fn rough(steps: usize) -> (TetMesh, Vec<Solution>) {
 /// Verifies: soft block sheared on a rough plane, 1 and 8 load steps, creep in 4 more | equilibrium, no slip, independence of steps | balance 1e-6, slip 1e-4, apart 1e-3, creep 1e-6 mm
 #[test]
 fn a_rough_plane_holds_a_soft_block_without_creep() {
-    let apart = |a: &[Vec3], b: &[Vec3]| {
-        a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
-    };
+    let apart =
+        |a: &[Vec3], b: &[Vec3]| a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
     let ends = [1, 8].map(|steps| {
         let (mesh, found) = rough(steps);
         let (loaded, last) = (&found[steps], &found[steps + 4]);
@@ -403,7 +403,11 @@ fn a_rough_plane_holds_a_soft_block_without_creep() {
         assert!(pressed.len() >= 20, "{} of {}", pressed.len(), nodes.len());
         let slip = pressed.iter().map(|&n| way(n).xy().norm()).fold(0.0, f64::max);
         let crept = apart(&loaded.points, &last.points);
-        println!("{steps} steps, {} nodes: slip {slip:.2e}, creep {crept:.2e} mm, {:?}", pressed.len(), loaded.checks);
+        println!(
+            "{steps} steps, {} nodes: slip {slip:.2e}, creep {crept:.2e} mm, {:?}",
+            pressed.len(),
+            loaded.checks
+        );
         for state in &found[1..] {
             assert!(state.checks.residual < 1e-6, "{:?}", state.checks);
             assert!(state.checks.force_imbalance < 1e-6, "{:?}", state.checks);

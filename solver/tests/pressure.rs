@@ -84,7 +84,13 @@ fn of_tissue(
 }
 
 /// Largest part by which pressures miss the force of the tissue, and by which recorded forces do.
-fn missed(mesh: &TetMesh, law: Law, plates: &Plates, step: &Step, held: impl Fn(u32) -> bool) -> [f64; 2] {
+fn missed(
+    mesh: &TetMesh,
+    law: Law,
+    plates: &Plates,
+    step: &Step,
+    held: impl Fn(u32) -> bool,
+) -> [f64; 2] {
     let tissue = of_tissue(mesh, law, plates, step, held);
     let by_pressure = of_pressures(plates, step);
     let recorded = [step.receptor_force_mn, step.paddle_force_mn];
@@ -92,9 +98,7 @@ fn missed(mesh: &TetMesh, law: Law, plates: &Plates, step: &Step, held: impl Fn(
         "{:5.1} mm: tissue {tissue:.2?}, pressures {by_pressure:.2?}, recorded {recorded:.2?} mN",
         step.thickness_mm
     );
-    let off = |of: [f64; 2]| {
-        (0..2).map(|n| (of[n] / tissue[n] - 1.0).abs()).fold(0.0, f64::max)
-    };
+    let off = |of: [f64; 2]| (0..2).map(|n| (of[n] / tissue[n] - 1.0).abs()).fold(0.0, f64::max);
     [off(by_pressure), off(recorded)]
 }
 
@@ -114,20 +118,18 @@ fn breast(body: &Body, radius_mm: f64) -> Vec<(f64, [f64; 2])> {
     let held = body.mesh.patch_nodes(Patch::ChestWall);
     let held = |n: u32| held.contains(&n);
     let steps = done.steps.iter().filter(|step| step.paddle_force_mn > 50.0);
-    let found = steps.map(|step| {
-        (step.thickness_mm, missed(&body.mesh, law, &plates, step, held))
-    });
+    let found = steps.map(|step| (step.thickness_mm, missed(&body.mesh, law, &plates, step, held)));
     found.collect()
 }
 
-/// Verifies: contact pressure over deformed faces, round edges of 10, 20 mm and 3 mm on faces of 8 mm | nodal forces of the tissue's stress | 10, 15 %
+/// Verifies: contact pressure over deformed faces of 8 mm, plates with edges of 20, 10 and 3 mm | nodal forces of the tissue's stress | 1, 14, 22 %
 /// Verifies: recorded forces of both plates | nodal forces of the tissue's stress | 1e-5
 #[test]
 fn pressures_on_round_edges_sum_up_to_what_the_tissue_bears() {
-    for radius_mm in [3.0, 10.0, 20.0] {
+    for (radius_mm, most) in [(3.0, 0.22), (10.0, 0.14), (20.0, 0.01)] {
         for (thickness, [pressure, recorded]) in breast(&coarse(), radius_mm) {
             println!("{radius_mm} mm edge, {thickness:.1} mm: {pressure:.4} {recorded:.1e}");
-            assert!(recorded < 1e-5, "{recorded}");
+            assert!(recorded < 1e-5 && pressure < most, "{recorded} {pressure}");
         }
     }
 }

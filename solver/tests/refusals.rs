@@ -346,7 +346,10 @@ fn smooth_surfaces_hold_along_their_normals_alone() {
             panic!("{name}: {answer:?}")
         };
         println!("{name}: {error}");
-        assert!(matches!(error, ModelError::Unheld { motions, of: 6, .. } if motions == free), "{name}: {error:?}");
+        assert!(
+            matches!(error, ModelError::Unheld { motions, of: 6, .. } if motions == free),
+            "{name}: {error:?}"
+        );
         assert!(error.to_string().contains("friction"), "{error}");
     }
     // Friction may hold it, and a wall that is bent in all directions does.

@@ -122,9 +122,11 @@ impl Stage for Report {
             fits::stretched(&state, &fit.solution.points, &mesh.mesh.tets)
         });
         input.warnings.extend(stretched.flatten());
-        input.warnings.extend(compression.as_ref().and_then(|c| {
-            fits::stretched("Compressed breast", &c.solution.points, &c.mesh.tets)
-        }));
+        input.warnings.extend(
+            compression.as_ref().and_then(|c| {
+                fits::stretched("Compressed breast", &c.solution.points, &c.mesh.tets)
+            }),
+        );
         if let Some(why) = compression.as_ref().and_then(|c| c.stopped_early.as_ref()) {
             input.warnings.push(format!("The compression ended before its stop rule: {why}"));
         }

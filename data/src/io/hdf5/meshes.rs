@@ -82,7 +82,8 @@ impl Writer {
         let (long_name, turning) =
             ("Norm of the sum of all moments over the most of any term", checks.moment_imbalance);
         self.put_scalar(&at("checks/moment_imbalance"), turning, "1", long_name)?;
-        let long_name = "Largest sum of forces or moments of a term within the body over the most of any term";
+        let long_name =
+            "Largest sum of forces or moments of a term within the body over the most of any term";
         let within = checks.internal_imbalance;
         self.put_scalar(&at("checks/internal_imbalance"), within, "1", long_name)?;
         let (long_name, lag) = ("Change of friction by one more round", checks.friction_lag);
