@@ -134,12 +134,14 @@ fn pressures_on_round_edges_sum_up_to_what_the_tissue_bears() {
     }
 }
 
+/// Verifies: contact pressure over deformed faces of 5 mm, plates with edges of 20 and 10 mm | nodal forces of the tissue's stress | 1, 1.5 %
 #[test]
 #[ignore = "a minute: 20 k tetrahedra"]
 fn pressures_on_finer_skin_are_nearer_to_what_the_tissue_bears() {
-    for radius_mm in [3.0, 10.0, 20.0] {
+    for (radius_mm, most) in [(10.0, 0.015), (20.0, 0.01)] {
         for (thickness, [pressure, recorded]) in breast(&fine(), radius_mm) {
             println!("{radius_mm} mm edge, {thickness:.1} mm: {pressure:.4} {recorded:.1e}");
+            assert!(recorded < 1e-5 && pressure < most, "{recorded} {pressure}");
         }
     }
 }
