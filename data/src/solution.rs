@@ -60,13 +60,16 @@ pub struct Checks {
     pub min_det_f: f64,
     /// Deepest penetration into any contact target (mm, positive).
     pub max_penetration_mm: f64,
-    /// Largest opening of a no-separation contact (mm, positive).
+    /// Largest opening of a no-separation contact, or slip on a rough one (mm, positive).
     pub max_gap_mm: f64,
     /// Norm of the sum of all forces, reactions included, over the largest of them (no unit).
     pub force_imbalance: f64,
     /// Norm of the sum of all moments about the middle of the nodes, reactions included, over the
     /// most of any term (the sum of the norms of its nodal moments; no unit).
     pub moment_imbalance: f64,
+    /// Largest sum of the forces of a term that joins parts of the body alone (tissue, sheets, fibres), over the largest
+    /// force of any term, or of its moments over the most of any; these cancel in every state (no unit).
+    pub internal_imbalance: f64,
     /// How far friction lags behind the normal pressure: change of its forces by one more round,
     /// over the normal forces (no unit).
     pub friction_lag: f64,

@@ -1,9 +1,11 @@
 //! Whether something holds every part of a body: one that may move as a rigid body has no place of its own.
 //!
 //! Parts are what elements tie together. A part is held when no rigid motion leaves all its fixed
-//! coordinates as they are; nodes of contacts and cables count as held in every direction, since a
-//! plate may come to them and a cable may turn.
+//! coordinates as they are. Nodes of a contact count as held along its normal, whether it touches them or not, since a
+//! plate may come to them, and in every direction where there is friction; those of cables in every direction, since a cable
+//! may turn. Two bodies that glide on each other are one part.
 
+use crate::assemble::State;
 use crate::model::{Model, ModelError};
 use mammotwin_data::Vec3;
 use nalgebra::{DMatrix, Matrix3x6, Matrix6, SymmetricEigen};
@@ -13,20 +15,34 @@ use std::collections::BTreeMap;
 /// coordinates below which nothing holds it: one of a hundred thousand nodes is enough.
 const NO_MOTION: f64 = 1e-9;
 const NOT_HELD: f64 = 1e-12;
+/// A gradient of a distance shorter than this has no direction.
+const NO_DIRECTION: f64 = 1e-9;
 
-/// Checks that the body is held with its nodes at `points` (mm).
+/// Checks that the body is held in a state.
 ///
 /// # Errors
 /// [`ModelError::Unheld`] with the first part that is not.
-pub(crate) fn check(model: &Model, points: &[Vec3]) -> Result<(), ModelError> {
+pub(crate) fn check(model: &Model, state: &State) -> Result<(), ModelError> {
+    let points = &state.points;
     let mut held = model.fixed().to_vec();
-    for term in model.terms().iter().filter(|term| term.ties()) {
-        for &node in (0..term.elements()).flat_map(|e| term.nodes(e)) {
-            held[node as usize] = [true; 3];
+    let mut along: Vec<Vec<Vec3>> = vec![Vec::new(); points.len()];
+    for (index, term) in model.terms().iter().enumerate().filter(|(_, term)| term.ties()) {
+        let touching = term.touching(&state.at(index));
+        if touching.is_empty() {
+            for &node in (0..term.elements()).flat_map(|e| term.nodes(e)) {
+                held[node as usize] = [true; 3];
+            }
+        }
+        for touching in touching {
+            let node = touching.node as usize;
+            match touching.normal.try_normalize(NO_DIRECTION) {
+                Some(normal) if !touching.rubs => along[node].push(normal),
+                _ => held[node] = [true; 3],
+            }
         }
     }
     for nodes in parts(model) {
-        let (of, motions) = free_motions(&nodes, points, &held);
+        let (of, motions) = free_motions(&nodes, points, &held, &along);
         if motions > 0 {
             let (count, node) = (nodes.len(), nodes[0]);
             let place = points[node].into();
@@ -64,8 +80,14 @@ fn parts(model: &Model) -> Vec<Vec<usize>> {
     parts.into_values().collect()
 }
 
-/// Number of independent rigid motions of some nodes, and of those that nothing resists.
-fn free_motions(nodes: &[usize], points: &[Vec3], held: &[[bool; 3]]) -> (usize, usize) {
+/// Number of independent rigid motions of some nodes, and of those that nothing resists: neither fixed axes nor what holds
+/// nodes along unit vectors.
+fn free_motions(
+    nodes: &[usize],
+    points: &[Vec3],
+    held: &[[bool; 3]],
+    along: &[Vec<Vec3>],
+) -> (usize, usize) {
     let middle = nodes.iter().map(|&n| points[n]).sum::<Vec3>() / nodes.len() as f64;
     let far = nodes.iter().map(|&n| (points[n] - middle).norm()).fold(0.0, f64::max);
     let size = if far > 0.0 { far } else { 1.0 };
@@ -79,6 +101,10 @@ fn free_motions(nodes: &[usize], points: &[Vec3], held: &[[bool; 3]]) -> (usize,
         all += moved.transpose() * moved;
         for axis in (0..3).filter(|&axis| held[node][axis]) {
             resisted += moved.row(axis).transpose() * moved.row(axis);
+        }
+        for normal in &along[node] {
+            let row = normal.transpose() * moved;
+            resisted += row.transpose() * row;
         }
     }
     let found = SymmetricEigen::new(all / nodes.len() as f64);

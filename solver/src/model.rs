@@ -83,7 +83,7 @@ pub enum ModelError {
     /// A part of the body that may move as a rigid one.
     #[error(
         "nothing holds the body against {motions} of {of} rigid motions of its {nodes} nodes around node {node} \
-         at {place:?} mm; fix more of its nodes, or tie it by a contact or cables"
+         at {place:?} mm; fix more of its nodes, or tie it by cables or a contact: one without friction holds along its normal"
     )]
     Unheld {
         /// Independent motions that nothing resists.

@@ -136,6 +136,8 @@ pub struct Newton {
     step: Vec<f64>,
     /// Directions in which the last system was not convex.
     excess: usize,
+    /// Iterations of the last minimisation, also of one that failed.
+    iterations: usize,
 }
 
 impl Newton {
@@ -155,7 +157,13 @@ impl Newton {
             shift: Vec::new(),
             step: Vec::new(),
             excess: 0,
+            iterations: 0,
         })
+    }
+
+    /// Iterations of the last minimisation: steps that were taken, and where it failed the one that found no step.
+    pub fn iterations(&self) -> usize {
+        self.iterations
     }
 
     /// Analyses the model anew where contacts of `state` have moved on.
@@ -176,8 +184,8 @@ impl Newton {
         Ok(())
     }
 
-    /// Moves `state` to a minimum of the energy and returns the number of iterations; `first` are
-    /// the second derivatives of the first one. On failure the state is the lowest one reached.
+    /// Moves `state` to a minimum of the energy; `first` are the second derivatives of the first iteration. On failure
+    /// the state is the lowest one reached.
     ///
     /// # Errors
     /// How the search failed.
@@ -187,7 +195,7 @@ impl Newton {
         state: &mut State,
         options: &NewtonOptions,
         first: Curvature,
-    ) -> Result<usize, NewtonError> {
+    ) -> Result<(), NewtonError> {
         // From within the pool its loops need not be handed over to another thread.
         rayon::scope(|_| self.descend(model, state, options, first))
     }
@@ -198,7 +206,8 @@ impl Newton {
         state: &mut State,
         options: &NewtonOptions,
         first: Curvature,
-    ) -> Result<usize, NewtonError> {
+    ) -> Result<(), NewtonError> {
+        self.iterations = 0;
         self.follow(model, state)?;
         let mut pressure = Vec::new();
         let mut energy = self
@@ -214,7 +223,7 @@ impl Newton {
             self.derivatives(model, state, curvature)?;
             let (node, unbalanced) = self.unbalanced();
             if unbalanced <= options.residual * scale {
-                return Ok(iteration);
+                return Ok(());
             }
             let mut ran_into = None;
             let mut shifted = false;
@@ -231,13 +240,13 @@ impl Newton {
                 if let Some(direction) = self.direction(share) {
                     let nearly = unbalanced <= NEARLY * options.residual * scale;
                     if nearly && -self.slope(&direction) <= self.rounding(energy, &direction) {
-                        return Ok(iteration);
+                        return Ok(());
                     }
                     let longest = if share > 0.0 { stride(&direction) } else { 1.0 };
                     match self.search(model, state, energy, &direction, longest) {
                         Ok(found) => break found,
                         // Stiff tissue at rest: its energy is too small for `rounding` to tell.
-                        Err(_) if nearly => return Ok(iteration),
+                        Err(_) if nearly => return Ok(()),
                         Err(cause) => {
                             tracing::trace!(share, longest, ?cause, "no step goes down");
                             ran_into = cause;
@@ -246,10 +255,12 @@ impl Newton {
                 }
                 convexity.raise(self.excess);
                 if convexity.share > GREATEST_SHARE {
+                    self.iterations += 1;
                     return Err(NewtonError::Stuck { node, ran_into });
                 }
             };
             energy = lower;
+            self.iterations += 1;
             let place_mm = state.points[node];
             tracing::trace!(
                 iteration,

@@ -239,8 +239,9 @@ pub(crate) fn prepare(
         return Err(SolveError::NotFinite { node, place });
     }
     let newton = Newton::new(model)?;
-    held::check(model, &points).map_err(AssemblyError::from)?;
-    Ok((newton, State::new(model, points, load)))
+    let state = State::new(model, points, load);
+    held::check(model, &state).map_err(AssemblyError::from)?;
+    Ok((newton, state))
 }
 
 /// The first node without finite coordinates.
@@ -261,6 +262,7 @@ pub(crate) fn walk(
 ) -> Result<(), SolveError> {
     let (first, mut done, mut part) = (state.load, 0.0, 1.0);
     let mut last: Option<State> = None;
+    let mut patience = PATIENCE;
     loop {
         let to = f64::min(1.0, done + part);
         let to = if to > 1.0 - 1e-9 { 1.0 } else { to };
@@ -277,7 +279,13 @@ pub(crate) fn walk(
             Curvature::Exact
         };
         counts.steps += 1;
-        match balance(newton, model, &mut trial, options, first, counts) {
+        let mut found = balance(newton, model, &mut trial, options, first, counts);
+        let is_last = 0.5 * part < options.smallest_step;
+        if is_last && matches!(found, Err(Failure::Newton(NewtonError::Slow { .. }))) {
+            found = go_on(newton, model, state, &mut trial, options, &mut patience, counts)
+                .map_or(found, Ok);
+        }
+        match found {
             Ok(()) => {
                 trial.accept(model);
                 *state = trial.clone();
@@ -306,6 +314,44 @@ pub(crate) fn walk(
     }
 }
 
+/// How often a search at the smallest load step may go on, over the whole way.
+const PATIENCE: usize = 10;
+/// A body that has gone so many times farther than its own size is falling.
+const FALL: f64 = 3.0;
+
+/// Goes on with a search that ended for the number of its iterations alone: a slow descent past a point of buckling is
+/// no fall. A body that has gone several times farther than its own size from `state` is falling. `None` without an equilibrium;
+/// the trial then is as it was.
+fn go_on(
+    newton: &mut Newton,
+    model: &Model,
+    state: &State,
+    trial: &mut State,
+    options: &Options,
+    patience: &mut usize,
+    counts: &mut Checks,
+) -> Option<()> {
+    let [low, high] = [Vec3::inf, Vec3::sup]
+        .map(|of| model.rest.iter().copied().reduce(|a, b| of(&a, &b)).unwrap_or_default());
+    let fell = |now: &State| {
+        let ways = state.points.iter().zip(&now.points).map(|(from, to)| (to - from).norm());
+        ways.fold(0.0, f64::max) > FALL * (high - low).norm()
+    };
+    let mut further = trial.clone();
+    while *patience > 0 && !fell(&further) {
+        *patience -= 1;
+        match balance(newton, model, &mut further, options, Curvature::Exact, counts) {
+            Ok(()) => {
+                *trial = further;
+                return Some(());
+            }
+            Err(Failure::Newton(NewtonError::Slow { .. })) => {}
+            Err(_) => return None,
+        }
+    }
+    None
+}
+
 /// Most rounds of multipliers at one load, and most more that friction may take.
 const ROUNDS: usize = 20;
 const FRICTION_ROUNDS: usize = 40;
@@ -317,8 +363,9 @@ const MOVES: usize = 40;
 const SHRINKING: f64 = 0.25;
 /// How much stiffer.
 const STIFFENING: f64 = 4.0;
-/// Most such changes at one load.
+/// Most such changes at one load, and over a whole path: loads that are carried keep their penalties.
 const STIFFENINGS: usize = 4;
+const STIFFENINGS_IN_ALL: usize = 8;
 
 /// Minimum of the energy at the state's load, with all contacts tight.
 fn balance(
@@ -334,7 +381,7 @@ fn balance(
     while rounds < ROUNDS && tight < FRICTION_ROUNDS && moves < MOVES {
         let found = newton.minimise(model, state, &options.newton, first);
         first = Curvature::Exact;
-        counts.iterations += *found.as_ref().unwrap_or(&options.newton.max_iterations);
+        counts.iterations += newton.iterations();
         found.map_err(Failure::Newton)?;
         let contact = state.contact(model);
         tracing::debug!(?contact, load = ?state.load, "contact after a minimum");
@@ -353,7 +400,10 @@ fn balance(
         }
         rounds += 1;
         // Tissue near its limit is stiffer than its modulus says: the penalties must follow.
-        if open > SHRINKING * before && stiffened < STIFFENINGS {
+        if open > SHRINKING * before
+            && stiffened < STIFFENINGS
+            && state.stiffenings < STIFFENINGS_IN_ALL
+        {
             state.stiffen_contacts(STIFFENING);
             stiffened += 1;
         }
@@ -383,13 +433,18 @@ pub(crate) fn finish(
     let middle = state.points.iter().sum::<Vec3>() / state.points.len().max(1) as f64;
     let arms: Vec<Vec3> = state.points.iter().map(|p| p - middle).collect();
     let (mut turned, mut most) = (Vec3::zeros(), f64::MIN_POSITIVE);
+    let (mut own_force, mut own_moment): (f64, f64) = (0.0, 0.0);
     for (term, gradient) in state.terms(model).iter().zip(&gradients) {
         let force = -gradient.iter().sum::<Vec3>();
         scale = scale.max(gradient.iter().map(|g| g.norm()).sum());
         total.iter_mut().zip(gradient).for_each(|(sum, g)| *sum += g);
         solution.forces.insert(term.name().to_owned(), force);
         let moments = || arms.iter().zip(gradient).map(|(arm, g)| g.cross(arm));
-        turned += moments().sum::<Vec3>();
+        let moment = moments().sum::<Vec3>();
+        turned += moment;
+        if term.is_internal() {
+            (own_force, own_moment) = (own_force.max(force.norm()), own_moment.max(moment.norm()));
+        }
         most = most.max(moments().map(|m| m.norm()).sum());
     }
     let mut unbalanced: f64 = 0.0;
@@ -418,9 +473,10 @@ pub(crate) fn finish(
             .map(|f| f.determinant())
             .fold(f64::INFINITY, f64::min),
         max_penetration_mm: contact.penetration_mm,
-        max_gap_mm: contact.gap_mm,
+        max_gap_mm: contact.gap_mm.max(contact.slip_mm),
         force_imbalance: sum.norm() / largest,
         moment_imbalance: turned.norm() / most,
+        internal_imbalance: f64::max(own_force / scale.max(f64::MIN_POSITIVE), own_moment / most),
         friction_lag: contact.friction_lag,
         ..counts
     };

@@ -12,10 +12,13 @@ use mammotwin_data::{
     study::LawName,
     units::WEIGHT_OF_G_PER_CM3,
 };
+use mammotwin_solver::assemble::State;
 use mammotwin_solver::materials::{Law, MaterialError};
-use mammotwin_solver::newton::NewtonOptions;
+use mammotwin_solver::newton::{Newton, NewtonError, NewtonOptions};
 use mammotwin_solver::solve::{Place, follow};
-use mammotwin_solver::terms::{Bulk, Gravity, Load, Opening, Sliding, Slip, target::Plane};
+use mammotwin_solver::terms::{
+    Bulk, Curvature, Gravity, Load, Opening, Sliding, Slip, target::Plane,
+};
 use mammotwin_solver::{Model, Options, SolveError, solve};
 use std::sync::{Arc, Mutex};
 
@@ -67,6 +70,40 @@ fn hanging(most: usize, smallest_step: f64, way: &Way) -> Result<Solution, Solve
     let newton = NewtonOptions { max_iterations: most, ..NewtonOptions::default() };
     let options = Options { newton, smallest_step, ..Options::default() };
     solve(&model, &mesh.points, &options, way)
+}
+
+/// Verifies: descent that needs more iterations than it is given, smallest load step the whole | the same with enough | 1e-5 mm
+#[test]
+fn a_slow_descent_is_not_taken_for_a_fall() {
+    let whole = hanging(80, 1.0, &Way::default()).unwrap();
+    let most = whole.checks.iterations / 2;
+    let slow = hanging(most, 1.0, &Way::default());
+    let slow = slow.unwrap_or_else(|error| panic!("{error}"));
+    println!("{:?} for {:?}", slow.checks, whole.checks);
+    assert!(most > 1 && slow.checks.iterations > most, "{:?}", slow.checks);
+    assert!(apart(&whole.points, &slow.points) < 1e-5);
+}
+
+/// Verifies: iterations of minimisations that end, are given up and cannot begin | what was done: 0 < n, the cap, 0 | exact
+#[test]
+fn a_failed_minimisation_counts_what_it_did() {
+    let (mesh, mut model) = bar(8, 60.0, Law::neo_hookean_coupled(0.3, 0.49).unwrap());
+    model.add(Gravity::new("gravity", &mesh, 1.0, Vec3::z())).unwrap();
+    let mut newton = Newton::new(&model).unwrap();
+    let mut minimise = |points: &[Vec3], max_iterations: usize| {
+        let mut state = State::new(&model, points.to_vec(), Load::GRAVITY);
+        let options = NewtonOptions { max_iterations, ..NewtonOptions::default() };
+        let found = newton.minimise(&model, &mut state, &options, Curvature::Exact);
+        (found.err(), newton.iterations())
+    };
+    let (found, whole) = minimise(&mesh.points, 80);
+    assert!(found.is_none() && whole > 3 && whole < 80, "{found:?} after {whole}");
+    let (found, given_up) = minimise(&mesh.points, whole - 1);
+    assert!(matches!(found, Some(NewtonError::Slow { .. })) && given_up == whole - 1);
+    let mut turned = mesh.points.clone();
+    turned[mesh.tets[0][0] as usize] += 500.0 * Vec3::new(1.0, 1.0, 1.0);
+    let (found, none) = minimise(&turned, 80);
+    assert!(matches!(found, Some(NewtonError::Start(_))) && none == 0, "{found:?} after {none}");
 }
 
 fn apart(a: &[Vec3], b: &[Vec3]) -> f64 {

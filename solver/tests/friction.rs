@@ -280,6 +280,7 @@ fn a_breast_that_slides_against_friction_is_in_balance() {
         println!("{friction}: base {mean:.3} mm, {:?}, {:?}", clock.elapsed(), found.checks);
         let checks = found.checks;
         assert!(checks.force_imbalance < 1e-6 && checks.moment_imbalance < 1e-6, "{checks:?}");
+        assert!(checks.internal_imbalance < 1e-10, "{checks:?}");
         assert!(checks.friction_lag <= 1e-4 && checks.max_gap_mm < 0.05, "{checks:?}");
         // Tissue and skin alone exert neither force nor moment.
         let mut assembly = Assembly::new(&model).unwrap();
@@ -364,4 +365,58 @@ fn plates_with_friction_hold_what_they_touch() {
         assert!(step.paddle_force_mn > last, "friction stiffens");
         last = step.paddle_force_mn;
     }
+}
+
+/// A large soft block, 400 x 400 x 80 mm, on a rough plane under gravity that is put on in `steps` and then stays for
+/// four more.
+fn rough(steps: usize) -> (TetMesh, Vec<Solution>) {
+    let mesh =
+        brick([4, 4, 2], |i, j, l| Vec3::new(100.0 * i as f64, 100.0 * j as f64, 40.0 * l as f64));
+    let mut model = Model::new(&mesh);
+    let law = Law::neo_hookean_coupled(1.8, 0.45).unwrap();
+    model.add(Bulk::new("block", &mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
+    model.add(Gravity::new("gravity", &mesh, 0.981, slope(0.6))).unwrap();
+    let plane = Plane { point: Vec3::zeros(), normal: Vec3::z() };
+    let faces = mesh.patch(Patch::ChestWall);
+    let plane = Sliding::new("plane", &mesh.points, faces, Arc::new(plane));
+    let plane = plane.opening(Opening::Free).slip(Slip::Never, &mesh.points).unwrap();
+    model.add(plane).unwrap();
+    let at = |n: usize| Load { gravity: n as f64 / steps as f64, ..Load::GRAVITY };
+    let path: Vec<Load> = (0..=steps).chain([steps; 4]).map(at).collect();
+    let options = Options { contact_mm: 1e-4, ..Options::default() };
+    let found = follow(&model, &mesh.points, &path, &options).unwrap();
+    (mesh, found)
+}
+
+/// Verifies: soft block sheared on a rough plane, 1 and 8 load steps, creep in 4 more | equilibrium, no slip, independence of steps | balance 1e-6, slip 1e-4, apart 1e-3, creep 1e-6 mm
+#[test]
+fn a_rough_plane_holds_a_soft_block_without_creep() {
+    let apart =
+        |a: &[Vec3], b: &[Vec3]| a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    let ends = [1, 8].map(|steps| {
+        let (mesh, found) = rough(steps);
+        let (loaded, last) = (&found[steps], &found[steps + 4]);
+        let way = |n: u32| loaded.points[n as usize] - mesh.points[n as usize];
+        let nodes = mesh.patch_nodes(Patch::ChestWall);
+        // Corners of the side that is drawn away may lift.
+        let pressed: Vec<u32> = nodes.iter().copied().filter(|&n| way(n).z < 1e-3).collect();
+        assert!(pressed.len() >= 20, "{} of {}", pressed.len(), nodes.len());
+        let slip = pressed.iter().map(|&n| way(n).xy().norm()).fold(0.0, f64::max);
+        let crept = apart(&loaded.points, &last.points);
+        println!(
+            "{steps} steps, {} nodes: slip {slip:.2e}, creep {crept:.2e} mm, {:?}",
+            pressed.len(),
+            loaded.checks
+        );
+        for state in &found[1..] {
+            assert!(state.checks.residual < 1e-6, "{:?}", state.checks);
+            assert!(state.checks.force_imbalance < 1e-6, "{:?}", state.checks);
+        }
+        assert!(slip < 1e-4, "slipped by {slip} mm");
+        assert!(crept < 1e-6, "crept by {crept} mm");
+        loaded.points.clone()
+    });
+    let off = apart(&ends[0], &ends[1]);
+    println!("{off:.2e} mm apart");
+    assert!(off < 1e-3, "{off} mm");
 }

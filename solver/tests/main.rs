@@ -17,6 +17,7 @@ mod gravity;
 mod indentation;
 mod paddles;
 mod plates;
+mod pressure;
 mod quadratic;
 mod refusals;
 mod sensitivity;

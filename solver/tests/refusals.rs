@@ -4,7 +4,7 @@ use crate::common;
 
 use common::shapes::brick;
 use mammotwin_data::{
-    Vec3,
+    Mat3, Vec3,
     mesh::{Patch, TetMesh},
     progress::Silent,
     study::LawName,
@@ -15,7 +15,9 @@ use mammotwin_solver::materials::Law;
 use mammotwin_solver::mesh::quadratic::QuadraticMesh;
 use mammotwin_solver::paddles::{Outline, Paddle};
 use mammotwin_solver::terms::{
-    Bulk, Cables, Gravity, Membrane, QuadraticBulk, Sliding, quadratic::Rule, target::Plane,
+    Bulk, Cables, Gravity, Membrane, QuadraticBulk, Sliding, Slip,
+    quadratic::Rule,
+    target::{Cylinder, Plane, Sphere, Target},
 };
 use mammotwin_solver::{Model, ModelError, Options, SolveError, solve};
 use std::sync::Arc;
@@ -309,4 +311,63 @@ fn bodies_that_are_held_just_enough_are_solved() {
     assert!(!matches!(refused, Some(SolveError::Assembly(_))), "{refused:?}");
     // Plates a little inside of the skin.
     pressed(18.5).unwrap();
+}
+
+/// Tissue under gravity along `direction` on a smooth surface that it cannot leave.
+fn on(target: Arc<dyn Target>, direction: Vec3, slip: Slip) -> Result<(), SolveError> {
+    let mesh = mesh();
+    let model = tissue(&mesh).and_then(|tissue| {
+        let mut model = Model::new(&mesh);
+        model.add(tissue)?;
+        model.add(Gravity::new("gravity", &mesh, 1.0, direction))?;
+        let faces = mesh.patch(Patch::ChestWall);
+        let wall = Sliding::new("wall", &mesh.points, faces, target);
+        model.add(wall.slip(slip, &mesh.points)?)?;
+        Ok(model)
+    });
+    solved(model, &mesh.points)
+}
+
+/// Verifies: rigid motions that a smooth plane, cylinder and sphere leave free | closed form: 3, 2, 3 | exact
+#[test]
+fn smooth_surfaces_hold_along_their_normals_alone() {
+    let plane = || Arc::new(Plane { point: Vec3::zeros(), normal: Vec3::z() });
+    let middle = Vec3::new(10.0, 10.0, -50.0);
+    let cylinder = || Arc::new(Cylinder { point: middle, axis: Vec3::y(), radius_mm: 50.0 });
+    let sphere = || Arc::new(Sphere { center: middle, radius_mm: 50.0 });
+    let (down, aside) = (-Vec3::z(), Vec3::new(0.3, 0.0, -1.0));
+    for (name, answer, free) in [
+        ("plane, down", on(plane(), down, Slip::Free), 3),
+        ("plane, aside", on(plane(), aside, Slip::Free), 3),
+        ("cylinder", on(cylinder(), down, Slip::Free), 2),
+        ("sphere", on(sphere(), down, Slip::Free), 3),
+    ] {
+        let Err(SolveError::Assembly(AssemblyError::Model(error))) = answer else {
+            panic!("{name}: {answer:?}")
+        };
+        println!("{name}: {error}");
+        assert!(
+            matches!(error, ModelError::Unheld { motions, of: 6, .. } if motions == free),
+            "{name}: {error:?}"
+        );
+        assert!(error.to_string().contains("friction"), "{error}");
+    }
+    // Friction may hold it, and a wall that is bent in all directions does.
+    on(plane(), down, Slip::Coulomb(0.3)).unwrap();
+    on(plane(), down, Slip::Never).unwrap();
+    let bent = on(Arc::new(Saddle), down, Slip::Free);
+    assert!(!matches!(bent, Err(SolveError::Assembly(_))), "{bent:?}");
+}
+
+/// z = 2 sin(x/6) sin(y/6) - 2, to first order in its height.
+struct Saddle;
+
+impl Target for Saddle {
+    fn distance(&self, point: &Vec3) -> (f64, Vec3, Mat3) {
+        let ((sx, cx), (sy, cy)) = ((point.x / 6.0).sin_cos(), (point.y / 6.0).sin_cos());
+        let slope = Vec3::new(-cx * sy / 3.0, -sx * cy / 3.0, 1.0);
+        let (d, m) = (sx * sy / 18.0, -cx * cy / 18.0);
+        let curvature = Mat3::new(d, m, 0.0, m, d, 0.0, 0.0, 0.0, 0.0);
+        (point.z - 2.0 * sx * sy + 2.0, slope, curvature)
+    }
 }

@@ -85,7 +85,7 @@ pub fn raised(calibration: &Calibration) -> Moduli {
 
 impl Stage for Stiffer {
     const NAME: &'static str = "stiffer";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "What a place and comfort owe to the moduli was found from the same model with the fitted moduli one \
          standard deviation higher.";
     type Input = (

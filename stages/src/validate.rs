@@ -61,7 +61,7 @@ impl Artifact for Validation {
 
 impl Stage for Validate {
     const NAME: &'static str = "validate";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     const METHODS: &'static str = "A pose that the calibration never read was simulated from the stress-free shape; \
          distances are those of Mîra (2018, Appendix A) on the skin of the breasts.";
     type Input = (BreastMesh, Calibration, Registered, PoseSurfaces);

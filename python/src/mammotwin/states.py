@@ -24,6 +24,7 @@ class Checks:
     max_gap_mm: float
     force_imbalance: float
     moment_imbalance: float
+    internal_imbalance: float
     friction_lag: float
 
 

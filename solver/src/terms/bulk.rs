@@ -110,6 +110,10 @@ impl Term for Bulk {
         &self.tets[element]
     }
 
+    fn is_internal(&self) -> bool {
+        true
+    }
+
     fn block(
         &self,
         element: usize,

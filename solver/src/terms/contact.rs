@@ -128,6 +128,8 @@ pub struct Touching {
     pub penalty_kpa_per_mm: f64,
     /// Whether the contact holds it on the surface.
     pub closed: bool,
+    /// Whether friction may hold it along the surface.
+    pub rubs: bool,
 }
 
 /// Nodes of a body that touch a surface. The memory has the multiplier of each node, or under a foam
@@ -205,6 +207,7 @@ impl Contact {
                 area_mm2: self.areas[element],
                 penalty_kpa_per_mm: self.penalty(element, at.shear_kpa),
                 closed: pressed || self.opening == Opening::Never,
+                rubs: self.has_friction(),
             }
         };
         (0..self.nodes.len()).map(one).collect()
@@ -340,7 +343,15 @@ impl Contact {
             }
             if self.has_friction() {
                 let (pressure, normal) = pressure(traction, &touch.normal);
-                let exact = self.hold(element, at.memory).exact(pressure, normal);
+                let hold = self.hold(element, at.memory);
+                if self.slip == Slip::Never && hold.pressure > 0.0 {
+                    let slip = hold.slip(&touch.place).norm();
+                    if slip > check.open_mm() {
+                        check.worst_open = element;
+                    }
+                    check.slip_mm = check.slip_mm.max(slip);
+                }
+                let exact = hold.exact(pressure, normal);
                 let stick = self.penalty(element, at.shear_kpa);
                 let exact = self.slip.response(&exact, &touch.place, stick).traction;
                 let change = exact - self.friction(element, at, &touch).traction;
@@ -409,15 +420,27 @@ impl Contact {
             if self.foam.is_none() {
                 memory[element] = traction;
             }
-            self.renew(element, traction, memory, &touch);
+            let stick = self.penalty(element, shear_kpa);
+            self.renew(element, traction, memory, &touch, stick);
         }
     }
 
-    /// Renews what friction takes of the normal direction, at a traction (kPa).
-    fn renew(&self, element: usize, traction: f64, memory: &mut [f64], touch: &Touch) {
+    /// Renews what friction takes of the normal direction, at a traction (kPa), and what a rough surface bears by its
+    /// slip, at a stiffness (kPa/mm).
+    fn renew(
+        &self,
+        element: usize,
+        traction: f64,
+        memory: &mut [f64],
+        touch: &Touch,
+        stick_kpa_per_mm: f64,
+    ) {
         if self.has_friction() {
             let (pressure, normal) = pressure(traction, &touch.normal);
             let mut hold = self.hold(element, memory);
+            if self.slip == Slip::Never {
+                hold.bear(&touch.place, stick_kpa_per_mm);
+            }
             hold.renew(pressure, normal);
             hold.write(&mut memory[self.nodes.len() + Hold::LENGTH * element..][..Hold::LENGTH]);
         }
@@ -428,7 +451,7 @@ impl Contact {
         if self.has_friction() {
             for (element, memory) in self.holds(memory).enumerate() {
                 let mut hold = Hold::read(memory);
-                hold.drag(&touch(element).place);
+                hold.drag(self.slip, &touch(element).place);
                 hold.write(memory);
             }
         }
@@ -440,7 +463,7 @@ impl Contact {
             let touch = touch(element);
             let force = gradient[self.nodes[element] as usize].dot(&touch.normal);
             memory[element] = -force / (self.areas[element] * touch.normal.norm_squared());
-            self.renew(element, memory[element], memory, &touch);
+            self.renew(element, memory[element], memory, &touch, 0.0);
         }
     }
 

@@ -74,6 +74,10 @@ impl Term for Fibres {
         &self.tets[element]
     }
 
+    fn is_internal(&self) -> bool {
+        true
+    }
+
     fn block(
         &self,
         element: usize,

@@ -7,7 +7,10 @@
 //! pressure, max(0, -tₙ), and the plane lag behind: they are renewed after each minimum until
 //! the forces of friction change no more. A surface that is held back carries none.
 //!
-//! Slip counts from an anchor on the target. A node sticks within [`SMOOTHING_MM`] of its anchor;
+//! A rough surface ([`Slip::Never`]) has no limit: a multiplier along it is updated, as that of the normal direction is,
+//! until the slip is below tolerance, and its anchor stays.
+//!
+//! Slip counts from an anchor on the target. Else a node sticks within [`SMOOTHING_MM`] of its anchor;
 //! one that slipped in a load step drags it along at that distance. Friction is so continued from
 //! step to step, without creep, and depends on the path alone.
 
@@ -38,6 +41,8 @@ pub(super) struct Hold {
     pub anchor: Vec3,
     /// Last change of the pressure at this load (kPa).
     change: f64,
+    /// Multiplier along the surface (kPa): traction of a rough one without slip.
+    pull: Vec3,
 }
 
 /// Energy (kPa mm), traction (kPa) and stiffness (kPa/mm) of friction.
@@ -57,17 +62,23 @@ const NO_STIFFNESS: Mat3 = Mat3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 impl Hold {
     /// Numbers of a node in the memory of its term.
-    pub const LENGTH: usize = 8;
+    pub const LENGTH: usize = 11;
 
     /// Before anything has happened.
     pub fn first(pressure: f64, normal: Vec3, anchor: Vec3) -> Self {
-        Self { pressure, normal, anchor, change: 0.0 }
+        Self { pressure, normal, anchor, change: 0.0, pull: Vec3::zeros() }
     }
 
     /// From [`Hold::LENGTH`] numbers.
     pub fn read(memory: &[f64]) -> Self {
         let vector = |at: usize| Vec3::new(memory[at], memory[at + 1], memory[at + 2]);
-        Self { pressure: memory[0], normal: vector(1), anchor: vector(4), change: memory[7] }
+        Self {
+            pressure: memory[0],
+            normal: vector(1),
+            anchor: vector(4),
+            change: memory[7],
+            pull: vector(8),
+        }
     }
 
     /// Into [`Hold::LENGTH`] numbers.
@@ -76,17 +87,22 @@ impl Hold {
         memory[1..4].copy_from_slice(self.normal.as_slice());
         memory[4..7].copy_from_slice(self.anchor.as_slice());
         memory[7] = self.change;
+        memory[8..11].copy_from_slice(self.pull.as_slice());
     }
 
     /// Slip (mm) of a node at `place` on the target.
-    fn slip(&self, place: &Vec3) -> Vec3 {
-        let way = place - self.anchor;
-        way - self.normal * self.normal.dot(&way)
+    pub fn slip(&self, place: &Vec3) -> Vec3 {
+        along(&self.normal, place - self.anchor)
     }
 
     /// The same with pressure and plane as they are now.
     pub fn exact(&self, pressure: f64, normal: Vec3) -> Self {
-        Self { pressure, normal, ..*self }
+        Self { pressure, normal, pull: along(&normal, self.pull), ..*self }
+    }
+
+    /// Lets the multiplier of a rough surface bear what the slip of a node at `place` bears, at a stiffness (kPa/mm).
+    pub fn bear(&mut self, place: &Vec3, stick_kpa_per_mm: f64) {
+        self.pull += stick_kpa_per_mm * self.slip(place);
     }
 
     /// Renews pressure and plane; a pressure that goes to and fro goes half the way.
@@ -97,19 +113,28 @@ impl Hold {
         self.change = if known { part * change } else { 0.0 };
         self.pressure = if known { self.pressure + self.change } else { pressure };
         self.normal = normal;
+        self.pull = if self.pressure > 0.0 { along(&normal, self.pull) } else { Vec3::zeros() };
     }
 
-    /// Drags the anchor behind a node that is now at `place`.
-    pub fn drag(&mut self, place: &Vec3) {
+    /// Drags the anchor behind a node that is now at `place`, on a rough surface only one that is not pressed on.
+    pub fn drag(&mut self, slip: Slip, place: &Vec3) {
         self.change = 0.0;
-        let slip = self.slip(place);
-        let length = slip.norm();
         if !(self.pressure > 0.0) {
             self.anchor = *place;
-        } else if length > SMOOTHING_MM {
+            return;
+        }
+        let is_rough = slip == Slip::Never;
+        let slip = self.slip(place);
+        let length = slip.norm();
+        if !is_rough && length > SMOOTHING_MM {
             self.anchor = place - SMOOTHING_MM / length * slip;
         }
     }
+}
+
+/// The part of a vector in the plane of a unit normal.
+fn along(normal: &Vec3, vector: Vec3) -> Vec3 {
+    vector - normal * normal.dot(&vector)
 }
 
 impl Slip {
@@ -126,8 +151,8 @@ impl Slip {
         let plane = Mat3::identity() - hold.normal * hold.normal.transpose();
         if limit.is_infinite() {
             let k = stick_kpa_per_mm;
-            let energy = 0.5 * k * slip.norm_squared();
-            return Response { energy, traction: k * slip, stiffness: k * plane };
+            let energy = hold.pull.dot(&slip) + 0.5 * k * slip.norm_squared();
+            return Response { energy, traction: hold.pull + k * slip, stiffness: k * plane };
         }
         let (y, e) = (slip.norm(), SMOOTHING_MM);
         // Energy, slope over the slip, and curvature of f.
@@ -157,13 +182,32 @@ mod tests {
         let force = |hold: &Hold, x: f64| law.response(hold, &Vec3::new(x, 0.0, 0.4), 1e3).traction;
         assert!(force(&hold, 0.2 * SMOOTHING_MM).x < 0.6 && force(&hold, 0.0).x == 0.0);
         assert!((force(&hold, 7.0) - Vec3::new(0.6, 0.0, 0.0)).norm() < 1e-14);
-        hold.drag(&Vec3::new(7.0, 0.0, 0.4));
+        hold.drag(law, &Vec3::new(7.0, 0.0, 0.4));
         // The same traction where the step ended, and the opposite one after a way back.
         assert!((force(&hold, 7.0).x - 0.6).abs() < 1e-12);
         assert!((force(&hold, 7.0 - 2.0 * SMOOTHING_MM).x + 0.6).abs() < 1e-12);
         let mut stuck = hold;
-        stuck.drag(&Vec3::new(7.0 - 0.5 * SMOOTHING_MM, 0.0, 0.4));
+        stuck.drag(law, &Vec3::new(7.0 - 0.5 * SMOOTHING_MM, 0.0, 0.4));
         assert_eq!(stuck.anchor, hold.anchor);
+    }
+
+    #[test]
+    fn a_rough_surface_keeps_its_anchor_and_bears_without_slip() {
+        let (law, stick) = (Slip::Never, 10.0);
+        let mut hold = Hold::first(2.0, Vec3::z(), Vec3::zeros());
+        let place = Vec3::new(0.3, 0.0, 0.4);
+        let before = law.response(&hold, &place, stick).traction;
+        hold.drag(law, &place);
+        assert_eq!(hold.anchor, Vec3::zeros());
+        assert_eq!(law.response(&hold, &place, stick).traction, before);
+        hold.bear(&place, stick);
+        hold.renew(1.5, Vec3::z());
+        assert_eq!(law.response(&hold, &Vec3::zeros(), stick).traction, before);
+        // Where it is not pressed on it bears nothing, and begins anew.
+        hold.renew(0.0, Vec3::z());
+        assert_eq!(law.response(&hold, &place, stick), Response::NONE);
+        hold.drag(law, &place);
+        assert_eq!((hold.anchor, hold.pull), (place, Vec3::zeros()));
     }
 
     #[test]
@@ -176,7 +220,8 @@ mod tests {
 
     #[test]
     fn the_memory_of_a_node_reads_back() {
-        let hold = Hold { pressure: 2.0, normal: Vec3::z(), anchor: Vec3::x(), change: -1.0 };
+        let pull = Vec3::new(0.5, -2.0, 3.0);
+        let hold = Hold { pressure: 2.0, normal: Vec3::z(), anchor: Vec3::x(), change: -1.0, pull };
         let mut memory = [0.0; Hold::LENGTH];
         hold.write(&mut memory);
         assert_eq!(Hold::read(&memory), hold);

@@ -238,6 +238,10 @@ impl Term for Gliding {
         &self.touched[element]
     }
 
+    fn is_internal(&self) -> bool {
+        true
+    }
+
     fn block(
         &self,
         element: usize,

@@ -101,6 +101,10 @@ impl Term for Membrane {
         &self.faces[element]
     }
 
+    fn is_internal(&self) -> bool {
+        true
+    }
+
     fn block(
         &self,
         element: usize,

@@ -219,10 +219,12 @@ pub struct ContactCheck {
     pub penetration_mm: f64,
     /// Largest opening of a contact that must not open (mm, positive).
     pub gap_mm: f64,
+    /// Largest slip on a rough surface (mm), which must not be.
+    pub slip_mm: f64,
     /// How far friction lags behind the normal pressure: change of its forces by one more round,
     /// over the normal forces (sums of norms).
     pub friction_lag: f64,
-    /// Element of the deepest penetration or largest opening.
+    /// Element of the deepest penetration, largest opening or slip.
     pub worst_open: usize,
     /// Element whose friction would change most.
     pub worst_lag: usize,
@@ -231,7 +233,7 @@ pub struct ContactCheck {
 impl ContactCheck {
     /// How far (mm) the contact is from its surface at most.
     pub fn open_mm(&self) -> f64 {
-        self.penetration_mm.max(self.gap_mm)
+        self.penetration_mm.max(self.gap_mm).max(self.slip_mm)
     }
 
     /// The worse of two, with the elements that are worst in their own terms.
@@ -241,6 +243,7 @@ impl ContactCheck {
         Self {
             penetration_mm: self.penetration_mm.max(other.penetration_mm),
             gap_mm: self.gap_mm.max(other.gap_mm),
+            slip_mm: self.slip_mm.max(other.slip_mm),
             friction_lag: lags.friction_lag,
             worst_open: open.worst_open,
             worst_lag: lags.worst_lag,
@@ -292,6 +295,11 @@ pub trait Term: Send + Sync {
     /// What the term remembers before anything has happened, with the nodes at `points`.
     fn first_memory(&self, _points: &[Vec3], _load: Load) -> Vec<f64> {
         Vec::new()
+    }
+
+    /// Whether its elements join parts of the body alone, so that their forces and moments cancel in every state.
+    fn is_internal(&self) -> bool {
+        false
     }
 
     /// Whether the term ties its nodes to what lies outside of the body, as contacts and cables do: a

@@ -153,6 +153,10 @@ impl Term for QuadraticBulk {
         &self.tets[element]
     }
 
+    fn is_internal(&self) -> bool {
+        true
+    }
+
     fn block(
         &self,
         element: usize,

@@ -135,6 +135,10 @@ impl Term for QuadraticMembrane {
         &self.faces[element]
     }
 
+    fn is_internal(&self) -> bool {
+        true
+    }
+
     fn block(
         &self,
         element: usize,

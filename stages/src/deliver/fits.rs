@@ -6,10 +6,12 @@ use crate::{
     report::Fact,
 };
 use mammotwin_data::{
+    Vec3,
     labels::Side,
     metric::Metric,
     study::{InterfaceKind, LayerPlan, ModelPlan},
 };
+use mammotwin_solver::mesh::quality::quality;
 
 /// Said where no marker tests the fit.
 pub const NO_FIDUCIAL: &str = "No marker on the breasts (breast_..., nipple_...) is in the reference pose and in another one: \
@@ -68,6 +70,20 @@ pub fn marker_warnings(all: &[Fiducials], moved: bool) -> Vec<String> {
         warnings.push(text);
     }
     warnings
+}
+
+/// A warning of a state whose tetrahedra `tets` are stretched, with the nodes at `points` (mm), beyond what the mesh itself may
+/// have (skewness 0.95); none where none is.
+pub fn stretched(state: &str, points: &[Vec3], tets: &[[u32; 4]]) -> Option<String> {
+    let summary = quality(points, tets).summary;
+    let (over, worst) = (summary.over_095, summary.max_skewness);
+    (over > 0).then(|| {
+        format!(
+            "{state}: {over} of {} deformed elements are beyond skewness 0.95 (at most {worst:.3}): stress there is of the mesh, \
+             not of the tissue",
+            tets.len()
+        )
+    })
 }
 
 /// What the poses cannot tell, in plain words.
@@ -274,6 +290,17 @@ mod tests {
                 && !one.contains("right breast ("),
             "{one}"
         );
+    }
+
+    #[test]
+    fn a_state_with_stretched_elements_is_a_warning() {
+        let tets = [[0, 1, 2, 3], [1, 2, 3, 4]];
+        let mut points =
+            vec![Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z(), Vec3::new(1.0, 1.0, 1.0)];
+        assert_eq!(stretched("supine", &points, &tets), None);
+        points[0] = Vec3::new(0.33, 0.33, 0.33);
+        let told = stretched("supine", &points, &tets).unwrap();
+        assert!(told.contains("supine: 1 of 2 deformed elements"), "{told}");
     }
 
     #[test]

@@ -62,7 +62,7 @@ pub type Squeezed =
 
 impl Stage for Report {
     const NAME: &'static str = "report";
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
     const METHODS: &'static str = "";
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
@@ -115,6 +115,18 @@ impl Stage for Report {
                     .into(),
             );
         }
+        let fitted = calibration.after.poses.iter();
+        let poses = fitted.chain(validations.iter().map(|held_out| &held_out.after));
+        let stretched = poses.map(|fit| {
+            let state = format!("Simulated pose {}", fit.pose);
+            fits::stretched(&state, &fit.solution.points, &mesh.mesh.tets)
+        });
+        input.warnings.extend(stretched.flatten());
+        input.warnings.extend(
+            compression.as_ref().and_then(|c| {
+                fits::stretched("Compressed breast", &c.solution.points, &c.mesh.tets)
+            }),
+        );
         if let Some(why) = compression.as_ref().and_then(|c| c.stopped_early.as_ref()) {
             input.warnings.push(format!("The compression ended before its stop rule: {why}"));
         }

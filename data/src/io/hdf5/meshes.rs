@@ -75,13 +75,17 @@ impl Writer {
         let long_name = "Deepest penetration into a contact target";
         let deepest = checks.max_penetration_mm;
         self.put_scalar(&at("checks/max_penetration_mm"), deepest, "mm", long_name)?;
-        let long_name = "Largest opening of a no-separation contact";
+        let long_name = "Largest opening of a no-separation contact, or slip on a rough one";
         self.put_scalar(&at("checks/max_gap_mm"), checks.max_gap_mm, "mm", long_name)?;
         let long_name = "Norm of the sum of all forces over the largest of them";
         self.put_scalar(&at("checks/force_imbalance"), checks.force_imbalance, "1", long_name)?;
         let (long_name, turning) =
             ("Norm of the sum of all moments over the most of any term", checks.moment_imbalance);
         self.put_scalar(&at("checks/moment_imbalance"), turning, "1", long_name)?;
+        let long_name =
+            "Largest sum of forces or moments of a term within the body over the most of any term";
+        let within = checks.internal_imbalance;
+        self.put_scalar(&at("checks/internal_imbalance"), within, "1", long_name)?;
         let (long_name, lag) = ("Change of friction by one more round", checks.friction_lag);
         self.put_scalar(&at("checks/friction_lag"), lag, "1", long_name)
     }
@@ -139,6 +143,7 @@ impl Reader {
             max_gap_mm: self.scalar(&at("checks/max_gap_mm"))?,
             force_imbalance: self.scalar(&at("checks/force_imbalance"))?,
             moment_imbalance: self.scalar(&at("checks/moment_imbalance"))?,
+            internal_imbalance: self.scalar(&at("checks/internal_imbalance"))?,
             friction_lag: self.scalar(&at("checks/friction_lag"))?,
         };
         Ok(Solution {
