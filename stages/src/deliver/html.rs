@@ -62,7 +62,7 @@ pub type Squeezed =
 
 impl Stage for Report {
     const NAME: &'static str = "report";
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
     const METHODS: &'static str = "";
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
@@ -103,6 +103,9 @@ impl Stage for Report {
         }
         if input.metrics.iter().any(|metric| metric.sd.is_some()) {
             input.methods.push(Deviations::METHODS.into());
+        }
+        for said in metrics.iter().filter_map(|part| part.deviations.as_ref()) {
+            input.methods.push(format!("Standard deviations of comfort: {said}."));
         }
         if let (Some(part), Some(course)) = (&mut input.compression, clamping::of(metrics)) {
             part.curves.extend(clamping::charts(course));
