@@ -7,8 +7,8 @@ mod uncertain;
 
 pub(crate) use measured::{Fitted, fitted, measured};
 pub use measured::{Measured, PoseOutcome, ScanOutcome, Target};
-pub(crate) use uncertain::{stiffer, varied};
 use uncertain::{deviate, is_fitted};
+pub(crate) use uncertain::{stiffer, varied};
 
 use mammotwin_data::{
     Failure,
@@ -117,7 +117,8 @@ pub fn squeezes(
 ) -> Result<Vec<Result<Squeezed, String>>, Failure> {
     let outcome = body(study, run)?;
     let uncertain = study.comfort.uncertainty;
-    let stiffer = (uncertain && is_fitted(study)).then(|| stiffer(study, &outcome, run)).transpose()?;
+    let stiffer =
+        (uncertain && is_fitted(study)).then(|| stiffer(study, &outcome, run)).transpose()?;
     let one = |(label, plan): &(String, CompressPlan)| {
         let mut squeezed = match squeeze(study, plan, label, run, &outcome) {
             Err(Failure::Numerics(why) | Failure::BadInput(why)) => return Ok(Err(why)),

@@ -44,9 +44,9 @@ pub fn comfort_has_its_deviations(study: &Path, text: &str) {
         "von_mises_p95_kpa",
     ] {
         let (value, sd) = of(name);
-        let others = by_hand.each_ref().map(|found| {
-            found.iter().find(|metric| metric.name == name).unwrap().value - value
-        });
+        let others = by_hand
+            .each_ref()
+            .map(|found| found.iter().find(|metric| metric.name == name).unwrap().value - value);
         let [moduli, jm, place] = others;
         println!("{name}: {value:.4} ± {sd:.4} of {moduli:+.4} {jm:+.4} {place:+.4}");
         let want = (moduli * moduli + jm * jm + place * place).sqrt();

@@ -57,7 +57,9 @@ fn results(out: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
             if path.is_dir() {
                 folders.push(path);
             // What a map adds to a run is no part of the run.
-            } else if !path.components().any(|part| part.as_os_str().to_string_lossy().starts_with("stiffer"))
+            } else if !path
+                .components()
+                .any(|part| part.as_os_str().to_string_lossy().starts_with("stiffer"))
                 && (name.starts_with("result") || name.ends_with(".png"))
             {
                 let bytes = fs::read(&path).unwrap();

@@ -322,7 +322,11 @@ impl Plates {
             }
         }
         if !(closing.lift_mm >= 0.0 && closing.lift_mm.is_finite()) {
-            return refuse("lift of the receptor (mm)", closing.lift_mm, "give one that is not negative");
+            return refuse(
+                "lift of the receptor (mm)",
+                closing.lift_mm,
+                "give one that is not negative",
+            );
         }
         if !closing.receptor_mm.is_finite() || !(0.0..=1.0).contains(&closing.receptor_share) {
             let share = closing.receptor_share;

@@ -130,8 +130,7 @@ fn a_limit_that_the_first_state_is_beyond_ends_it_at_once() {
     assert!(done.stopped_early.is_none());
     // Beyond it, by pressure or by force: said, and no leap.
     let peak = Some(0.5 * first.peak_pressure_kpa);
-    for stops in
-        [force(0.5 * force_mn), Stops { peak_pressure_kpa: peak, ..force(0.9 * force_mn) }]
+    for stops in [force(0.5 * force_mn), Stops { peak_pressure_kpa: peak, ..force(0.9 * force_mn) }]
     {
         let done = start(stops);
         assert_eq!((done.steps.len(), done.met), (1, None));

@@ -49,8 +49,7 @@ impl Stage for Stiffer {
     const VERSION: u32 = 3;
     const METHODS: &'static str = "What a place and comfort owe to the moduli was found from the same model with the fitted moduli one \
          standard deviation higher.";
-    type Input =
-        ((BreastMesh, Calibration), (PoseSurfaces, Vec<Registered>, Vec<PoseSurfaces>));
+    type Input = ((BreastMesh, Calibration), (PoseSurfaces, Vec<Registered>, Vec<PoseSurfaces>));
     /// The fit of the stiffer model is `after`, that of the best moduli `before`.
     type Output = Calibration;
 
@@ -63,8 +62,7 @@ impl Stage for Stiffer {
         let measured = Measured::new(first, &self.poses, registered, surfaces);
         let experiment = Experiment::new(mesh, &self.model, &self.calibrate, &measured)?;
         let near = Some(&calibration.after);
-        let after =
-            experiment.evaluate(raised(calibration), near, progress, "poses, stiffer")?;
+        let after = experiment.evaluate(raised(calibration), near, progress, "poses, stiffer")?;
         Ok(Calibration { before: calibration.after.clone(), after, ..calibration.clone() })
     }
 }

@@ -350,7 +350,9 @@ fn a_victre_breast_is_compressed_as_another_program_did() {
             let ours = near(&surface, level_mm, near_mm);
             let theirs = after.near(level_mm, near_mm);
             let ratio = ours / theirs;
-            println!("{plate}: {ours:.0} mm² nearer than {near_mm} mm, theirs {theirs:.0} mm²: {ratio:.3}");
+            println!(
+                "{plate}: {ours:.0} mm² nearer than {near_mm} mm, theirs {theirs:.0} mm²: {ratio:.3}"
+            );
             // What stands up to 1 mm off their plates is not within 1 mm of them: ours is larger there, and farther
             // off both are alike.
             let like = if near_mm < 2.0 { 1.0..1.5 } else { 0.9..1.1 };

@@ -1,8 +1,8 @@
 //! The compression in a study: paddle, view, position, law, and what ends it.
 
 use super::{
-    BiopsyPlan, CadPlan, ClampPlan, CushionPlan, EDGE_RADIUS_MM, LawConstants, LawName, OutlinePlan,
-    SpotPlan,
+    BiopsyPlan, CadPlan, ClampPlan, CushionPlan, EDGE_RADIUS_MM, LawConstants, LawName,
+    OutlinePlan, SpotPlan,
 };
 use crate::labels::Side;
 use serde::{Deserialize, Serialize};

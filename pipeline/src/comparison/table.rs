@@ -59,7 +59,8 @@ pub fn summary(ways: &[Way], mesh_mm: f64) -> String {
                 }
             }
             Err(why) => {
-                let _ = write!(text, ",,{}{}", quoted(why), ",".repeat(names.len() + uncertain.len()));
+                let _ =
+                    write!(text, ",,{}{}", quoted(why), ",".repeat(names.len() + uncertain.len()));
             }
         }
         text.push('\n');

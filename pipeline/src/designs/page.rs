@@ -74,7 +74,8 @@ pub fn page(
         let _ = writeln!(html, "<h2>{}</h2>", escaped(&person.id));
         html += &person_table(ways, person, objectives);
         let said = ways.iter().zip(&person.trials);
-        let said = said.filter_map(|(way, trial)| Some((&*way.label, trial.deviations_of.as_deref()?)));
+        let said =
+            said.filter_map(|(way, trial)| Some((&*way.label, trial.deviations_of.as_deref()?)));
         let said = deviations_stated(said);
         if !said.is_empty() {
             let _ = writeln!(html, "<p>{}</p>", escaped(&said));

@@ -95,9 +95,7 @@ pub type Stiffer = (Stored<Calibration>, Option<Stored<Compression>>);
 pub fn stiffer(study: &Study, run: &Run<'_>) -> Result<Stiffer, Failure> {
     let outcome = graph::body(study, run)?;
     let fit = graph::stiffer(study, &outcome, run)?;
-    let press = |plan| {
-        graph::varied(study, (Varied::Moduli, plan), "", run, (&outcome.mesh, &fit))
-    };
+    let press = |plan| graph::varied(study, (Varied::Moduli, plan), "", run, (&outcome.mesh, &fit));
     let pressed = study.compress.as_ref().map(press).transpose()?;
     Ok((fit, pressed))
 }

@@ -275,8 +275,10 @@ impl Stage for Comfort {
         add("mat_peak_kpa", &format!("{sheet}: largest"), "kPa", mat.peak_kpa(), None);
 
         let burden = Burden::of(compression);
-        let strains = |stretches: &[f64]| stretches.iter().map(|one| one.ln()).collect::<Vec<f64>>();
-        let [strain, smallest_strain] = [&burden.stretch, &burden.smallest_stretch].map(|s| strains(s));
+        let strains =
+            |stretches: &[f64]| stretches.iter().map(|one| one.ln()).collect::<Vec<f64>>();
+        let [strain, smallest_strain] =
+            [&burden.stretch, &burden.smallest_stretch].map(|s| strains(s));
         for (share, word) in [(0.5, "p50"), (0.95, "p95"), (0.99, "p99")] {
             let percent = 100.0 * share;
             let long = format!("von Mises stress, {percent:.0} % of the volume");

@@ -3,8 +3,8 @@
 use mammotwin_data::{
     Failure,
     study::{
-        CompressPlan, CurvePlan, CushionPlan, GimbalPlan, HingePlan, OutlinePlan,
-        PaddleName, PlatePlan, PlateSupport, SpotName,
+        CompressPlan, CurvePlan, CushionPlan, GimbalPlan, HingePlan, OutlinePlan, PaddleName,
+        PlatePlan, PlateSupport, SpotName,
     },
     surface::TriMesh,
     units::NEWTON,

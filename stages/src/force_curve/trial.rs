@@ -16,8 +16,8 @@ use mammotwin_data::{
     labels::Side,
     progress::Silent,
     study::{
-        CompressLaw, CompressPlan, EDGE_RADIUS_MM, Elements, LawConstants, LawName, MeshPlan, ModelPlan,
-        PaddleName, ReceptorName, StopPlan, View,
+        CompressLaw, CompressPlan, EDGE_RADIUS_MM, Elements, LawConstants, LawName, MeshPlan,
+        ModelPlan, PaddleName, ReceptorName, StopPlan, View,
     },
 };
 use mammotwin_solver::{Options, mesh::lattice::Placement, solve};
