@@ -17,7 +17,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-/// Verifies: standard deviation of peak pressure, p95, force, stress | three compressions by hand, root of the sum of squares | 1e-9
+/// Each is the root of the sum of squares of what three compressions by hand differ by, to 1e-9.
 pub fn comfort_has_its_deviations(study: &Path, text: &str) {
     let text_with = format!("{text}\n[comfort]\nuncertainty = true\nplacement_sd_mm = 1.5\n");
     fs::write(study, &text_with).unwrap();

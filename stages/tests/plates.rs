@@ -31,7 +31,7 @@ fn receptor_mm(made: &Compression) -> f64 {
     back.direction(&Vec3::z()).dot(&back.point(&Vec3::zeros()))
 }
 
-/// Verifies: receptor at the fold, lifted by 25 mm: above the lowest skin | 25 mm higher; lifts before the paddle comes | 1e-9 mm; force in balance 5 %
+/// Verifies: receptor at the fold, lifted by 25 mm: above the lowest skin | 25 mm higher; the paddle waits while it rises | 1e-9 mm
 #[test]
 fn a_receptor_above_the_fold_lifts_the_breast() {
     let (plan, ready) = ready();
