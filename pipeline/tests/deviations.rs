@@ -51,8 +51,8 @@ pub fn comfort_has_its_deviations(study: &Path, text: &str) {
         println!("{name}: {value:.4} ± {sd:.4} of {moduli:+.4} {jm:+.4} {place:+.4}");
         let want = (moduli * moduli + jm * jm + place * place).sqrt();
         assert!(sd > 0.0 && (sd - want).abs() <= 1e-9 * want, "{name}: ± {sd}, by hand {want}");
-        // Stiffer breasts bear more at the same thickness, and those that lock later bear less.
-        assert!(name != "force_n" || (moduli > 0.0 && jm < 0.0), "{others:?}");
+        // What locks later bears less. Of the moduli no sign is known: with them the stress-free shape changes.
+        assert!(name != "force_n" || jm < 0.0, "{others:?}");
     }
     // The thickness is given; the dose rests on nothing that was changed here.
     assert!(of("thickness_mm").1 < 0.01 && of("agd_mgy").1.is_nan());
