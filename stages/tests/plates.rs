@@ -59,23 +59,17 @@ fn a_receptor_above_the_fold_lifts_the_breast() {
 #[test]
 fn a_sharper_edge_presses_harder() {
     let (plan, ready) = ready();
-    let mut all = Vec::new();
-    for (mm, thickness, size) in
-        [(15.0, 42.0, 0.0), (12.0, 42.0, 0.0), (10.0, 46.0, 0.0), (15.0, 38.0, 0.0)]
-    {
-        let mut plan = CompressPlan { chest_wall_distance_mm: mm + size, ..plan.clone() };
-        plan.stop.thickness_mm = Some(thickness);
-        let peaks = [2.0, 6.0, 15.0].map(|edge_radius_mm| {
-            let made = ready.compressed(&CompressPlan { edge_radius_mm, ..plan.clone() }).unwrap();
-            let found = Comfort { plan: ComfortPlan::default() }.run(&made, &Silent).unwrap().metrics;
-            let of = |name: &str| found.iter().find(|metric| metric.name == name).unwrap().value;
-            let peak = of("peak_pressure_kpa");
-            println!("{mm} {thickness} {:?} {edge_radius_mm} mm: {peak:.3} kPa, front {:.3}, face {:.3}, p95 {:.3}, {:.3} N", made.met, of("front_peak_pressure_kpa"), of("face_peak_pressure_kpa"), of("pressure_p95_kpa"), of("force_n"));
-            peak
-        });
-        all.push(peaks);
-    }
-    assert!(all.iter().all(|peaks| peaks[0] > peaks[1] && peaks[1] > peaks[2]), "{all:?} kPa");
+    // So far from the chest wall the breast is hardly thicker than the gap, and thickest at the edges: they alone press.
+    let plan = CompressPlan { chest_wall_distance_mm: 25.0, ..plan };
+    let peaks = [2.0, 6.0, 15.0].map(|edge_radius_mm| {
+        let made = compressed(&ready, &CompressPlan { edge_radius_mm, ..plan.clone() });
+        let found = Comfort { plan: ComfortPlan::default() }.run(&made, &Silent).unwrap().metrics;
+        let of = |name: &str| found.iter().find(|metric| metric.name == name).unwrap().value;
+        let peak = of("peak_pressure_kpa");
+        println!("{edge_radius_mm} mm: {peak:.4} kPa, {:.4} N", of("force_n"));
+        peak
+    });
+    assert!(peaks[0] > 2.0 * peaks[1] && peaks[1] > peaks[2], "{peaks:?} kPa");
 }
 
 /// Torque (N mm) of the paddle's forces on its hinge, `axis_mm` from its edge, from the places and forces of the nodes:
