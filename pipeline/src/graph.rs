@@ -3,9 +3,12 @@
 mod fiducials;
 mod labels;
 mod measured;
+mod uncertain;
 
 pub(crate) use measured::{Fitted, fitted, measured};
 pub use measured::{Measured, PoseOutcome, ScanOutcome, Target};
+use uncertain::{deviate, is_fitted};
+pub(crate) use uncertain::{stiffer, varied};
 
 use mammotwin_data::{
     Failure,
@@ -35,7 +38,6 @@ use mammotwin_stages::{
     phantom::{CompressedPhantom, Phantom},
     quality::{Metrics, Quality},
     results::{Provenance, StageRecord},
-    stiffer::{Deviations, Stiffened, Stiffer},
     validate::{Validate, Validation},
 };
 use std::collections::BTreeMap;
@@ -97,9 +99,8 @@ pub fn run(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     if let Some(plan) = &study.compress {
         let mut squeezed = squeeze(study, plan, "", run, &outcome)?;
         if study.comfort.uncertainty {
-            let stiffened = stiffer(study, &outcome, run)?;
-            let inputs = (&squeezed.metrics[0], &squeezed.compression, &stiffened);
-            squeezed.metrics[0] = run.stage("", &Deviations, inputs)?;
+            let stiffer = is_fitted(study).then(|| stiffer(study, &outcome, run)).transpose()?;
+            deviate(study, plan, "", run, (&outcome, stiffer.as_ref()), &mut squeezed)?;
         }
         outcome.squeezed = Some(squeezed);
     }
@@ -115,11 +116,19 @@ pub fn squeezes(
     run: &Run<'_>,
 ) -> Result<Vec<Result<Squeezed, String>>, Failure> {
     let outcome = body(study, run)?;
-    let one =
-        |(label, plan): &(String, CompressPlan)| match squeeze(study, plan, label, run, &outcome) {
-            Err(Failure::Numerics(why) | Failure::BadInput(why)) => Ok(Err(why)),
-            found => found.map(Ok),
+    let uncertain = study.comfort.uncertainty;
+    let stiffer =
+        (uncertain && is_fitted(study)).then(|| stiffer(study, &outcome, run)).transpose()?;
+    let one = |(label, plan): &(String, CompressPlan)| {
+        let mut squeezed = match squeeze(study, plan, label, run, &outcome) {
+            Err(Failure::Numerics(why) | Failure::BadInput(why)) => return Ok(Err(why)),
+            found => found?,
         };
+        if uncertain {
+            deviate(study, plan, label, run, (&outcome, stiffer.as_ref()), &mut squeezed)?;
+        }
+        Ok(Ok(squeezed))
+    };
     ways.iter().map(one).collect()
 }
 
@@ -383,32 +392,21 @@ fn provenance(run: &Run<'_>) -> Provenance {
     }
 }
 
-/// The same model with the fitted moduli one standard deviation higher.
-pub(crate) fn stiffer(
+/// The compression alone.
+fn press(
     study: &Study,
-    outcome: &Outcome,
+    plan: &CompressPlan,
+    label: &str,
     run: &Run<'_>,
-) -> Result<Stored<Stiffened>, Failure> {
-    let Outcome { reference, measured, mesh, calibration, .. } = outcome;
-    let targets = measured.targets(study).into_iter();
-    let Fitted { names, motions, surfaces } = Fitted::of(targets);
-    let cad = match study.compress.as_ref().and_then(|plan| plan.cad.as_ref()) {
-        Some(cad) => Some(run.external::<TriMesh>("compress.cad.file", &cad.file)?),
+    (mesh, calibration): (&Stored<BreastMesh>, &Stored<Calibration>),
+) -> Result<Stored<Compression>, Failure> {
+    let cad: Option<Stored<TriMesh>> = match &plan.cad {
+        Some(cad) => Some(run.external("compress.cad.file", &cad.file)?),
         None => None,
     };
-    let plan = study.compress.clone();
-    let stage = Stiffer {
-        model: study.model.clone(),
-        calibrate: study.calibrate.clone(),
-        gravity: gravity(reference, &study.poses[reference])?,
-        reference: reference.clone(),
-        poses: names,
-        compress: plan.map(|plan| plan.without_files().without_clamp()),
-        comfort: study.comfort.without_uncertainty(),
-    };
-    let first = &measured.images[reference].surfaces;
-    let measured = (first, &motions[..], &surfaces[..]);
-    run.stage("", &stage, ((mesh, calibration), measured, cad.as_ref()))
+    let elastic = plan.clone().without_files().without_clamp();
+    let compress = Compress { model: study.model.clone(), plan: elastic };
+    run.stage(label, &compress, (mesh, calibration, cad.as_ref()))
 }
 
 /// Compression, picture and metrics.
@@ -419,13 +417,7 @@ fn squeeze(
     run: &Run<'_>,
     Outcome { reference, measured, mesh, calibration, .. }: &Outcome,
 ) -> Result<Squeezed, Failure> {
-    let cad: Option<Stored<TriMesh>> = match &plan.cad {
-        Some(cad) => Some(run.external("compress.cad.file", &cad.file)?),
-        None => None,
-    };
-    let elastic = plan.clone().without_files().without_clamp();
-    let compress = Compress { model: study.model.clone(), plan: elastic };
-    let compression = run.stage(label, &compress, (mesh, calibration, cad.as_ref()))?;
+    let compression = press(study, plan, label, run, (mesh, calibration))?;
     let comfort = Comfort { plan: study.comfort.without_uncertainty() };
     let mut metrics = vec![run.stage(label, &comfort, &compression)?];
     if let Some(clamp) = &plan.clamp {

@@ -33,6 +33,12 @@ pub fn number(value: f64) -> String {
     }
 }
 
+/// A number with one standard deviation, where there is one.
+pub fn give_or_take(value: f64, sd: f64) -> String {
+    let text = number(value);
+    if value.is_finite() && sd.is_finite() { format!("{text} ± {}", number(sd)) } else { text }
+}
+
 /// A table of texts under their headings.
 pub fn table(head: &[String], rows: &[Vec<String>]) -> String {
     let cells = |tag: &str, row: &[String]| {

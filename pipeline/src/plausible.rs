@@ -147,7 +147,7 @@ fn hinge(plan: &CompressPlan, base: &Path) -> Option<Finding> {
 fn paddle(plan: &CompressPlan, base: &Path) -> Option<Finding> {
     let path = base.join(&plan.cad.as_ref()?.file);
     let key = "compress.cad.file".to_owned();
-    let shape = stl::read(&path).and_then(|surface| from_cad(&surface));
+    let shape = stl::read(&path).and_then(|surface| from_cad(&surface, plan.edge_radius_mm));
     Some(match shape {
         Err(why) => {
             let text = why.to_string();

@@ -143,6 +143,20 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
         assert!(number("rigid_12mm", name) > 1.2 * number("rigid_20mm", name), "{name}");
     }
 
+    // What moduli, Jₘ and place leave open stands beside each way.
+    let text = fs::read_to_string(study).unwrap();
+    fs::write(study, format!("{text}\n[comfort]\nuncertainty = true\n")).unwrap();
+    let said = printed(&["study", "paddles", study, "--paddles", "rigid", "--no-picture"]);
+    assert!(said.contains(" ± "), "{said}");
+    let table = rows(&place.join("paddles.csv"));
+    let number = |name: &str| table["rigid"][name].parse::<f64>().unwrap();
+    for name in ["force_n", "peak_pressure_kpa", "pressure_p95_kpa"] {
+        let [value, sd] = [name, &format!("{name}_sd")].map(number);
+        assert!(sd > 0.0 && sd < value, "{name}: {value} ± {sd}");
+    }
+    let page = fs::read_to_string(place.join("paddles.html")).unwrap();
+    assert!(page.contains(" ± ") && page.contains("rigid: fitted moduli ("), "{said}");
+
     let unknown = mammotwin(&["study", "paddles", study, "--paddles", "soft"]);
     assert_eq!(unknown.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&unknown.stderr).contains("rigid, flex, elastic"));

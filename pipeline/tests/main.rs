@@ -6,6 +6,7 @@ mod bad_input;
 mod bids;
 mod command_line;
 mod comparison;
+mod deviations;
 mod discover;
 mod force_curve;
 mod scans;

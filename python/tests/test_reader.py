@@ -218,6 +218,7 @@ def test_comfort_follows_from_the_fields(results):
     for percent in (1, 5, 50):
         found = compression.principal_stress_percentile_kpa(percent, "smallest")
         assert close(found, comfort[f"smallest_stress_p{percent:02}_kpa"].value)
+        assert close(compression.strain_percentile(percent, "smallest"), comfort[f"smallest_strain_p{percent:02}"].value)
     for axis, found in zip("xyz", compression.peak_pressure_place_mm, strict=True):
         assert close(found, comfort[f"peak_pressure_{axis}_mm"].value)
     for percent in (95, 99):

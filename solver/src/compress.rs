@@ -53,6 +53,8 @@ pub struct Closing {
     pub thickness_mm: f64,
     /// Share of the closing that the receptor makes (0: it rests; 0.5: both move alike).
     pub receptor_share: f64,
+    /// How far the receptor rises first, while the paddle waits (mm): it lifts the body.
+    pub lift_mm: f64,
     /// Largest change of the thickness between recorded states (mm); on the way to a final thickness
     /// all steps are alike.
     pub step_mm: f64,
@@ -68,6 +70,13 @@ impl Closing {
         let Some(goal) = self.stops.thickness_mm else { return self.step_mm };
         let way = self.thickness_mm - goal;
         way / (way / self.step_mm - 1e-9).ceil().max(1.0)
+    }
+
+    /// Position of the receptor along the axis (mm) at a distance of the plates (mm).
+    fn receptor_at_mm(&self, thickness_mm: f64) -> f64 {
+        let closed = self.thickness_mm - thickness_mm;
+        let lifted = closed.clamp(0.0, self.lift_mm);
+        self.receptor_mm + lifted + self.receptor_share * (closed - lifted)
     }
 }
 
@@ -312,6 +321,13 @@ impl Plates {
                 );
             }
         }
+        if !(closing.lift_mm >= 0.0 && closing.lift_mm.is_finite()) {
+            return refuse(
+                "lift of the receptor (mm)",
+                closing.lift_mm,
+                "give one that is not negative",
+            );
+        }
         if !closing.receptor_mm.is_finite() || !(0.0..=1.0).contains(&closing.receptor_share) {
             let share = closing.receptor_share;
             return refuse("share of the receptor", share, "give a place, and a share from 0 to 1");
@@ -345,8 +361,7 @@ pub fn compress(
     model.add(paddle.clone()).map_err(refuse)?;
     let at = |thickness_mm: f64| Load {
         gravity: 1.0,
-        receptor_mm: closing.receptor_mm
-            + closing.receptor_share * (closing.thickness_mm - thickness_mm),
+        receptor_mm: closing.receptor_at_mm(thickness_mm),
         thickness_mm,
         tilt_rad: 0.0,
         pose: AT_REST,
@@ -372,9 +387,18 @@ pub fn compress(
     let mut steps: Vec<Step> = vec![press.record(&state)];
     let stops = &closing.stops;
     let goal = stops.thinnest_mm();
-    let mut stopped_early: Option<StoppedEarly> = None;
     let reached = stops.thickness_mm.is_some_and(|goal| state.load.thickness_mm <= goal);
     let mut met = reached.then_some(StopRule::Thickness);
+    // Weight or a start between the plates may reach a limit before they close: there is no state before it.
+    let mut stopped_early: Option<StoppedEarly> = None;
+    if let Some((rule, share)) = stops.nearest(&steps[0]).filter(|_| !reached) {
+        if meet::is_met(share) {
+            met = Some(rule);
+        } else if share > 1.0 {
+            let thickness_mm = closing.thickness_mm;
+            stopped_early = Some(StoppedEarly::Beyond { thickness_mm, share });
+        }
+    }
     let even_mm = closing.even_step_mm();
     let mut step_mm = even_mm;
     while met.is_none() && stopped_early.is_none() && state.load.thickness_mm > goal {

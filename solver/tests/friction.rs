@@ -333,6 +333,7 @@ fn plates_with_friction_hold_what_they_touch() {
             receptor_mm: 0.0,
             thickness_mm: 20.0,
             receptor_share: 0.0,
+            lift_mm: 0.0,
             step_mm: 2.0,
             stops: Stops::at_thickness(14.0),
         };

@@ -82,6 +82,7 @@ fn press_until(
         receptor_mm: 0.0,
         thickness_mm: mesh.points.iter().map(|p| p.z).fold(0.0, f64::max),
         receptor_share: 0.0,
+        lift_mm: 0.0,
         step_mm: 2.0,
         stops,
     };

@@ -10,7 +10,9 @@ use mammotwin_data::{
     study::LawName,
 };
 use mammotwin_solver::assemble::AssemblyError;
-use mammotwin_solver::compress::{Closing, Plates, Stops, compress};
+use mammotwin_solver::compress::{
+    Closing, Compressed, Plates, StopRule, StoppedEarly, Stops, compress,
+};
 use mammotwin_solver::materials::Law;
 use mammotwin_solver::mesh::quadratic::QuadraticMesh;
 use mammotwin_solver::paddles::{Outline, Paddle};
@@ -87,6 +89,10 @@ fn with(
 
 /// A compression whose plates begin at a distance (mm), of a body that is 20 mm high.
 fn pressed(thickness_mm: f64) -> Result<(), SolveError> {
+    closed(thickness_mm, Stops::at_thickness(thickness_mm - 1.0)).map(|_| ())
+}
+
+fn closed(thickness_mm: f64, stops: Stops) -> Result<Compressed, SolveError> {
     let mesh = mesh();
     let plates = Plates {
         axis: Vec3::z(),
@@ -103,12 +109,40 @@ fn pressed(thickness_mm: f64) -> Result<(), SolveError> {
         receptor_mm: 0.0,
         thickness_mm,
         receptor_share: 0.0,
+        lift_mm: 0.0,
         step_mm: 2.0,
-        stops: Stops::at_thickness(thickness_mm - 1.0),
+        stops,
     };
     let model = held(&mesh, |p| p.z == 0.0).unwrap();
     let options = Options::default();
-    compress(model, &plates, &closing, &mesh.points, &options, &Silent).map(|_| ())
+    compress(model, &plates, &closing, &mesh.points, &options, &Silent)
+}
+
+/// Verifies: a body that begins between the plates, beyond a limit or at it | ends at once, by that limit | first state
+#[test]
+fn a_limit_that_the_first_state_is_beyond_ends_it_at_once() {
+    let force = |force_mn: f64| Stops { force_mn: Some(force_mn), ..Stops::default() };
+    let start = |stops: Stops| closed(19.0, stops).unwrap();
+    let first = start(Stops::at_thickness(18.0)).steps.swap_remove(0);
+    let force_mn = first.paddle_force_mn;
+    assert!(force_mn > 1.0, "{force_mn} mN");
+    // At it: met, in one state.
+    let done = start(force(1.005 * force_mn));
+    assert_eq!((done.steps.len(), done.met), (1, Some(StopRule::Force)));
+    assert!(done.stopped_early.is_none());
+    // Beyond it, by pressure or by force: said, and no leap.
+    let peak = Some(0.5 * first.peak_pressure_kpa);
+    for stops in [force(0.5 * force_mn), Stops { peak_pressure_kpa: peak, ..force(0.9 * force_mn) }]
+    {
+        let done = start(stops);
+        assert_eq!((done.steps.len(), done.met), (1, None));
+        let why = done.stopped_early.unwrap();
+        let StoppedEarly::Beyond { share, .. } = why else { panic!("{why}") };
+        assert!((share - 2.0).abs() < 1e-6 && why.to_string().contains("200 %"), "{why}");
+    }
+    // Below it: the plates close.
+    let done = start(force(1.3 * force_mn));
+    assert!(done.steps.len() > 1 && done.met == Some(StopRule::Force), "{:?}", done.stopped_early);
 }
 
 /// What is wrong, what the solver answers, which error it must be, and what it must tell.

@@ -464,7 +464,23 @@ mod tests {
         assert_eq!((fold.receptor_mm, fold.thickness_mm, fold.receptor_share), (-14.0, 34.0, 0.0));
         let raised = of("receptor = \"fold\"\nreceptor_lift_mm = 3.0", -14.0).unwrap();
         assert_eq!((raised.receptor_mm, raised.thickness_mm), (-11.0, 31.0));
-        // It does not lift a breast whose skin hangs lower than the fold.
-        assert_eq!(of("receptor = \"fold\"", -2.0).unwrap().receptor_mm, -10.0);
+        assert_eq!(raised.lift_mm, 0.0);
+        // It lifts a breast whose skin hangs lower than the fold, from that skin on, the paddle out of its way.
+        for (more, fold_mm) in [("", -2.0), ("\nreceptor_lift_mm = 12.0", -14.0)] {
+            let lifts = of(&format!("receptor = \"fold\"{more}"), fold_mm).unwrap();
+            assert_eq!((lifts.receptor_mm, lifts.thickness_mm, lifts.lift_mm), (-10.0, 38.0, 8.0));
+        }
+        // Lifts that would leave the breast are refused, not cut short.
+        for (receptor, lift_mm, what) in [
+            ("fold", 40.0, "bring the receptor 6 mm above"),
+            ("nipple", 20.0, "bring the middle between the plates 5 mm above"),
+            ("nipple", -18.0, "bring the middle between the plates 3 mm below"),
+        ] {
+            let text = format!("receptor = \"{receptor}\"\nreceptor_lift_mm = {lift_mm:?}");
+            match of(&text, -14.0) {
+                Err(Failure::BadInput(text)) => assert!(text.contains(what), "{text}"),
+                other => panic!("{other:?}"),
+            }
+        }
     }
 }

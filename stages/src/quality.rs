@@ -32,6 +32,9 @@ pub struct Metrics {
     /// Regions of interest of each picture, where the numbers come from such.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub regions: Vec<PictureRegions>,
+    /// What standard deviations of the numbers rest on, or why there are none, where the study asks for them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deviations: Option<String>,
     /// A compression in time, where the numbers come from one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub course: Option<ClampCourse>,

@@ -15,6 +15,7 @@ mod ligaments;
 mod meshes;
 mod muscle;
 mod oblique;
+mod plates;
 mod prestress;
 mod registration;
 mod stiffness_scale;

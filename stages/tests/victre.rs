@@ -242,6 +242,7 @@ fn pressed(phantom: &Phantom, mesh: &TetMesh) -> Compressed {
         receptor_mm: MIDDLE_MM - 0.5 * thickness_mm,
         thickness_mm,
         receptor_share: 0.5,
+        lift_mm: 0.0,
         step_mm: 5.0,
         stops: Stops::at_thickness(THICKNESS_MM),
     };
@@ -348,15 +349,28 @@ fn a_victre_breast_is_compressed_as_another_program_did() {
         for near_mm in NEAR_MM {
             let ours = near(&surface, level_mm, near_mm);
             let theirs = after.near(level_mm, near_mm);
-            println!("{plate}: {ours:.0} mm² nearer than {near_mm} mm, theirs {theirs:.0} mm²");
-            assert!(near_mm < 2.0 || (ours / theirs - 1.0).abs() < 0.1);
+            let ratio = ours / theirs;
+            println!(
+                "{plate}: {ours:.0} mm² nearer than {near_mm} mm, theirs {theirs:.0} mm²: {ratio:.3}"
+            );
+            // What stands up to 1 mm off their plates is not within 1 mm of them: ours is larger there, and farther
+            // off both are alike.
+            let like = if near_mm < 2.0 { 1.0..1.5 } else { 0.9..1.1 };
+            assert!(like.contains(&ratio), "{plate}, {near_mm} mm: {ratio} is not in {like:?}");
         }
     }
     for (name, label) in [("gland", GLAND), ("nipple", NIPPLE)] {
         println!("{name}: moved by {:.2?}, theirs {:.2?} mm", moved(label), theirs(label));
         assert!((moved(label) - theirs(label)).norm() < 2.0);
     }
-    println!("volume {:.2} %, theirs {:.2} %", 100.0 * change, 100.0 * their_change);
+    // Half a voxel all over the skin, by which their two images may differ.
+    let half_voxel = 0.5 * VOXEL_MM * surface.area_mm2() / (1000.0 * volume(&last.points));
+    println!(
+        "volume {:.2} %, theirs {:.2} %; half a voxel is {:.2} %",
+        100.0 * change,
+        100.0 * their_change,
+        100.0 * half_voxel
+    );
     assert!(mean <= 2.0);
-    assert!((change - their_change).abs() < 0.02);
+    assert!((change - their_change).abs() < half_voxel && half_voxel < 0.01, "{change}");
 }

@@ -1,7 +1,8 @@
 //! The compression in a study: paddle, view, position, law, and what ends it.
 
 use super::{
-    BiopsyPlan, CadPlan, ClampPlan, CushionPlan, LawConstants, LawName, OutlinePlan, SpotPlan,
+    BiopsyPlan, CadPlan, ClampPlan, CushionPlan, EDGE_RADIUS_MM, LawConstants, LawName,
+    OutlinePlan, SpotPlan,
 };
 use crate::labels::Side;
 use serde::{Deserialize, Serialize};
@@ -31,7 +32,8 @@ pub enum ReceptorName {
     /// Both plates come alike to the height of the nipple.
     #[default]
     Nipple,
-    /// It stays at the height of the inframammary fold, the lower end of the breast's base; the paddle comes down.
+    /// It is brought to the height of the inframammary fold, the lower end of the breast's base, lifts what hangs lower
+    /// and stays there; the paddle comes down.
     Fold,
 }
 
@@ -257,7 +259,8 @@ pub struct CompressPlan {
     /// Where the receptor is brought to.
     #[serde(default, skip_serializing_if = "ReceptorName::is_nipple")]
     pub receptor: ReceptorName,
-    /// How far (mm) the middle between the plates is raised above the nipple, or the receptor above the fold.
+    /// How far (mm) the middle between the plates is raised above the nipple, or the receptor above the fold: where
+    /// skin lies lower than that, the receptor lifts it before the paddle comes.
     #[serde(default)]
     pub receptor_lift_mm: f64,
     /// Pose, simulated by the calibration, in which it begins: its shape is taken for free of stress, as the
@@ -289,6 +292,9 @@ pub struct CompressPlan {
     pub cushion: Option<CushionPlan>,
     /// File of a paddle from CAD.
     pub cad: Option<CadPlan>,
+    /// Radius (mm) of the rounded edges of both plates.
+    #[serde(default = "edge_radius", skip_serializing_if = "is_edge_radius")]
+    pub edge_radius_mm: f64,
     /// Distance (mm) from the chest wall to the paddle's edge.
     pub chest_wall_distance_mm: f64,
     /// When the paddle stops.
@@ -321,6 +327,15 @@ impl CompressPlan {
 #[allow(clippy::trivially_copy_pass_by_ref)] // what serde asks for
 fn none(number: &f64) -> bool {
     *number == 0.0
+}
+
+fn edge_radius() -> f64 {
+    EDGE_RADIUS_MM
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // what serde asks for
+fn is_edge_radius(number: &f64) -> bool {
+    *number == EDGE_RADIUS_MM
 }
 
 /// Angle (degrees) of an oblique compression of which none is given.
@@ -370,8 +385,30 @@ pub struct ComfortPlan {
     pub mat_pitch_mm: f64,
     /// Least pressure (kPa) that a sensor of the mat shows.
     pub mat_threshold_kpa: f64,
-    /// Whether the compression is computed once more with stiffer breasts, for one standard deviation of the metrics.
+    /// Whether the compression is computed once more for each number that is known to a standard deviation only, for
+    /// that of the metrics: with stiffer breasts, and with the two that follow.
     pub uncertainty: bool,
+    /// Standard deviation (% of it) of Jₘ in compression; 0: known.
+    #[serde(skip_serializing_if = "is_jm_sd")]
+    pub jm_sd_percent: f64,
+    /// Standard deviation (mm) of the distance from the chest wall to the plates' edges; 0: known.
+    #[serde(skip_serializing_if = "is_placement_sd")]
+    pub placement_sd_mm: f64,
+}
+
+/// A guess: what poses alone leave of Jₘ is of this size (`docs/verification.md`, `study stiffening --poses`).
+const JM_SD_PERCENT: f64 = 25.0;
+/// A guess: what a technician does not see of the skin's way to the chest wall.
+const PLACEMENT_SD_MM: f64 = 2.0;
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // what serde asks for
+fn is_jm_sd(number: &f64) -> bool {
+    *number == JM_SD_PERCENT
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // what serde asks for
+fn is_placement_sd(number: &f64) -> bool {
+    *number == PLACEMENT_SD_MM
 }
 
 impl Default for ComfortPlan {
@@ -382,14 +419,17 @@ impl Default for ComfortPlan {
             mat_pitch_mm: 10.0,
             mat_threshold_kpa: 0.5,
             uncertainty: false,
+            jm_sd_percent: JM_SD_PERCENT,
+            placement_sd_mm: PLACEMENT_SD_MM,
         }
     }
 }
 
 impl ComfortPlan {
-    /// What is measured on a compression, without whether a second one gives it a deviation: asking for that changes
+    /// What is measured on a compression, without whether further ones give it a deviation: asking for that changes
     /// no measure.
     pub fn without_uncertainty(self) -> Self {
-        Self { uncertainty: false, ..self }
+        let Self { uncertainty, jm_sd_percent, placement_sd_mm, .. } = Self::default();
+        Self { uncertainty, jm_sd_percent, placement_sd_mm, ..self }
     }
 }

@@ -31,6 +31,8 @@ pub struct DesignPlan {
     pub biopsy: Option<BiopsyPlan>,
     /// Foam of a cushion.
     pub cushion: Option<CushionPlan>,
+    /// Radius (mm) of the rounded edges of both plates; that of the study when absent.
+    pub edge_radius_mm: Option<f64>,
     /// Friction between skin and plates; that of the study when absent.
     pub friction: Option<f64>,
 }
@@ -48,6 +50,7 @@ impl DesignPlan {
             spot: self.spot,
             biopsy: self.biopsy,
             cushion: self.cushion,
+            edge_radius_mm: self.edge_radius_mm.unwrap_or(under.edge_radius_mm),
             friction: self.friction.unwrap_or(under.friction),
             ..under
         }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// Radius (mm) of the rounded edges of all plates.
+/// Radius (mm) of the rounded edges of all plates where none is given: an assumption.
 pub const EDGE_RADIUS_MM: f64 = 6.0;
 
 /// Where a plate ends: a rectangle with round corners; the chest-wall edge is one of its sides.

@@ -365,7 +365,9 @@ fn start(study: &Study) -> Checked {
 fn comfort(plan: &ComfortPlan) -> Checked {
     within("comfort.juxtathoracic_mm", plan.juxtathoracic_mm, 1.0, 100.0)?;
     within("comfort.mat_pitch_mm", plan.mat_pitch_mm, 1.0, 100.0)?;
-    within("comfort.mat_threshold_kpa", plan.mat_threshold_kpa, 0.0, 100.0)
+    within("comfort.mat_threshold_kpa", plan.mat_threshold_kpa, 0.0, 100.0)?;
+    within("comfort.jm_sd_percent", plan.jm_sd_percent, 0.0, 100.0)?;
+    within("comfort.placement_sd_mm", plan.placement_sd_mm, 0.0, 20.0)
 }
 
 /// Young's modulus (kPa). Tissues have 0.1 to 1 000; a larger number is mostly one in Pa.

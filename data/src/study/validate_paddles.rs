@@ -1,7 +1,7 @@
 //! Refuses paddles that cannot be meant.
 
 use super::validate::{Checked, refuse, within};
-use super::{CompressPlan, EDGE_RADIUS_MM, HingePlan, OutlinePlan, PaddleName, SpotName};
+use super::{CompressPlan, HingePlan, OutlinePlan, PaddleName, SpotName};
 
 /// The paddle of a compression and its tables.
 pub(super) fn paddle(plan: &CompressPlan) -> Checked {
@@ -22,7 +22,9 @@ pub(super) fn paddle(plan: &CompressPlan) -> Checked {
             return refuse(format!("compress.{key}"), why);
         }
     }
-    let mut numbers = Vec::new();
+    // Plates are at least 30 mm wide: their round corners are no sharper than the edges.
+    let radius = plan.edge_radius_mm;
+    let mut numbers = vec![("edge_radius_mm", radius, 1.0, 15.0)];
     if let Some(hinge) = &plan.hinge {
         numbers.push(("hinge.axis_mm", hinge.axis_mm, -100.0, 300.0));
         numbers.push(("hinge.linear_n_mm_per_rad", hinge.linear_n_mm_per_rad, 1.0, 1e9));
@@ -56,13 +58,13 @@ pub(super) fn paddle(plan: &CompressPlan) -> Checked {
         numbers.push(("outline.width_mm", outline.width_mm, 30.0, 500.0));
         numbers.push(("outline.depth_mm", outline.depth_mm, 30.0, 500.0));
         let most = 0.5 * outline.width_mm.min(outline.depth_mm);
-        numbers.push(("outline.corner_mm", outline.corner_mm, EDGE_RADIUS_MM, most));
+        numbers.push(("outline.corner_mm", outline.corner_mm, radius, most));
     }
     if let Some(spot) = plan.spot {
         numbers.push(("spot.size_mm", spot.size_mm, 30.0, 200.0));
         if spot.shape == SpotName::Square {
             let most = 0.5 * spot.size_mm;
-            numbers.push(("spot.corner_mm", spot.corner_mm, EDGE_RADIUS_MM, most));
+            numbers.push(("spot.corner_mm", spot.corner_mm, radius, most));
         }
         numbers.push(("spot.along_mm", spot.along_mm, -200.0, 200.0));
         numbers.push(("spot.away_mm", spot.away_mm, 0.0, 200.0));
@@ -115,7 +117,7 @@ fn window(plan: &CompressPlan) -> Checked {
     let plate = plan.outline.unwrap_or(OutlinePlan::SMALL);
     let window = plan.biopsy.unwrap_or_default();
     // The rounded edges of window and plate must not meet.
-    let bar = 2.0 * EDGE_RADIUS_MM;
+    let bar = 2.0 * plan.edge_radius_mm;
     let sides = 0.5 * (plate.width_mm - window.window_width_mm) - window.along_mm.abs();
     let rear = plate.depth_mm - window.away_mm - window.window_depth_mm;
     for (key, left) in

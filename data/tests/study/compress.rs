@@ -13,7 +13,10 @@ fn designs_of_paddles_change_what_belongs_to_them() {
     assert_eq!(soft.cushion.unwrap().young_kpa, 20.0);
     assert_eq!((soft.stop, soft.friction), (plan.stop, plan.friction));
     assert_eq!((made["hard-hinge"].friction, made["hard-hinge"].cushion), (0.2, None));
+    let sharp = designs("[sharp]\nedge_radius_mm = 3.0\n[plain]\n", &plan).unwrap();
+    assert_eq!((sharp["sharp"].edge_radius_mm, sharp["plain"].edge_radius_mm), (3.0, 6.0));
     for (text, says) in [
+        ("[soft]\nedge_radius_mm = 0.2\n", "line 2: soft.edge_radius_mm"),
         ("[soft]\npaddle = \"foam\"\n", "\"foam\" is not known"),
         ("[soft]\npadle = \"flex\"\n", "did you mean `paddle`"),
         ("[soft]\npaddle = \"flex\"\ncushion = {}\n", "line 3: soft.cushion: only a cushion"),
@@ -90,6 +93,12 @@ fn compressions_say_how_they_end_and_under_what() {
     refused(rigid, "paddle = \"spot\"\nspot = { shape = \"oval\" }", &["compress.spot", "oval"]);
     refused(rigid, "paddle = \"spot\"\noutline = {}", &["compress.outline", "its own"]);
     refused(rigid, "paddle = \"flex\"\noutline = { corner_mm = 2.0 }", &["outline.corner_mm", "6"]);
+    // Corners are no sharper than the edges, and windows leave twice their radius.
+    refused(rigid, "paddle = \"rigid\"\nedge_radius_mm = 16.0", &["compress.edge_radius_mm", "15"]);
+    let sharp = "paddle = \"flex\"\nedge_radius_mm = 8.0\noutline = { corner_mm = 7.0 }";
+    refused(rigid, sharp, &["outline.corner_mm", "8"]);
+    let near = "paddle = \"biopsy\"\nedge_radius_mm = 13.0";
+    refused(rigid, near, &["compress.biopsy.away_mm", "leave 26 mm"]);
     let near = "paddle = \"biopsy\"\nbiopsy = { away_mm = 8.0 }";
     refused(rigid, near, &["compress.biopsy.away_mm", "8 mm of the plate", "12 mm"]);
     let wide = "paddle = \"biopsy\"\nbiopsy = { along_mm = 90.0 }";

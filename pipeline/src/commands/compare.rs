@@ -154,6 +154,12 @@ fn labels(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
     Err(Failure::Usage(text.into()))
 }
 
+/// A metric, and its standard deviation where it has one.
+fn told(found: &Found, name: &str) -> String {
+    let (value, sd) = (found.metric(name), found.sd(name));
+    if sd.is_finite() { format!("{value:.3} ± {sd:.3}") } else { format!("{value:.3}") }
+}
+
 /// One breast in several ways.
 fn go(
     opened: &Opened,
@@ -238,12 +244,12 @@ fn written(
     for way in ways {
         match &way.found {
             Ok(found) => tell!(
-                "{:<16} {:>6.1} mm {:>8.3} N  mean {:>7.3} kPa  largest {:>7.3} kPa on faces  {}",
+                "{:<16} {:>6.1} mm {:>8} N  mean {:>7} kPa  largest {:>7} kPa on faces  {}",
                 way.label,
                 found.compression.thickness_mm,
-                found.metric("force_n"),
-                found.metric("mean_pressure_kpa"),
-                found.metric("face_peak_pressure_kpa"),
+                told(found, "force_n"),
+                told(found, "mean_pressure_kpa"),
+                told(found, "face_peak_pressure_kpa"),
                 found.compression.stopped_early.as_deref().unwrap_or_default()
             ),
             Err(why) => tell!("{:<16} failed: {why}", way.label),

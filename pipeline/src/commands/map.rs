@@ -11,6 +11,7 @@ use mammotwin_data::{
     io::landmarks,
     store::{self, Drive, Options},
 };
+use mammotwin_stages::place::Shapes;
 use serde_json::json;
 
 /// Prints where a place is.
@@ -44,7 +45,9 @@ pub fn map(arguments: &MapArguments) -> Result<(), Failure> {
             listener: &display,
         };
         let pass = store::execute(&drive, |run| stiffer(&opened.study, run))?;
-        body.stiffer = Some(pass.outcome.load()?.shapes);
+        let (fit, pressed) = pass.outcome;
+        let pressed = pressed.map(|pressed| pressed.load()).transpose()?;
+        body.stiffer = Some(Shapes::of(&fit.load()?.after, pressed.as_ref()));
         body.map(&from, &points)
     };
     let (mut placed, mut unplaced) = (Vec::new(), Vec::new());

@@ -190,3 +190,32 @@ fn rising(option: &str, given: &[f64], [least, most]: [f64; 2]) -> Result<Vec<f6
     sorted.dedup();
     Ok(sorted)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What follows the reading of a study knows the torques of the table, not those that are assumed.
+    #[test]
+    fn a_measured_hinge_is_read_with_its_study() {
+        let folder = tempfile::tempdir().unwrap();
+        let torques = [(2, 10.0f64), (4, 30.0), (6, 60.0)];
+        // 10 mm from the axis: 1, 3 and 6 N.
+        let rows: String =
+            torques.map(|(deg, n_mm)| format!("{deg},{},10\n", n_mm / 10.0)).concat();
+        fs::write(folder.path().join("hinge.csv"), format!("{}\n{rows}", torque::HEADER)).unwrap();
+        let text = "schema = 1\nsubject = { id = \"x\" }\n[poses.prone]\nimage = \"x.nii\"\nposture = \"prone\"\n\
+             [compress]\nside = \"right\"\nchest_wall_distance_mm = 20.0\nstop = { force_n = 20.0 }\n\
+             law = { name = \"neo_hookean\" }\npaddle = \"flex\"\nhinge = { file = \"hinge.csv\" }\n";
+        let study = folder.path().join("study.toml");
+        fs::write(&study, text).unwrap();
+        let opened = open(&StudyArguments { study, out: None }).unwrap();
+        let hinge = opened.study.compress.unwrap().hinge.unwrap();
+        for (deg, n_mm) in torques {
+            let tilt = f64::from(deg).to_radians();
+            let found = tilt * (hinge.linear_n_mm_per_rad + tilt * hinge.quadratic_n_mm_per_rad2);
+            assert!((found / n_mm - 1.0).abs() < 1e-9, "{deg}°: {found} N mm");
+        }
+        assert_ne!(hinge.linear_n_mm_per_rad, study::HingePlan::default().linear_n_mm_per_rad);
+    }
+}

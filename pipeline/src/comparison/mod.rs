@@ -51,16 +51,19 @@ pub struct Found {
     pub regions: Vec<(String, Vec<f64>)>,
     /// Closing, clamping and opening in time, where the study asks for it.
     pub course: Option<ClampCourse>,
+    /// What standard deviations of comfort rest on, or why there are none, where the study asks for them.
+    pub deviations: Option<String>,
 }
 
 impl Found {
     /// Loads what was made.
     pub fn load(made: &Squeezed, picture: Option<&MammogramPlan>) -> Result<Self, Failure> {
-        let (mut metrics, mut course) = (Vec::new(), None);
+        let (mut metrics, mut course, mut deviations) = (Vec::new(), None, None);
         for part in &made.metrics {
             let part = part.load()?;
             metrics.extend(part.metrics);
             course = course.or(part.course);
+            deviations = deviations.or(part.deviations);
         }
         let mut regions = Vec::new();
         if let (Some(plan), Some(phantom), Some(taken)) = (picture, &made.phantom, &made.mammograms)
@@ -83,13 +86,41 @@ impl Found {
                 regions.push(named("sdnr_detrended", values(|r| r.detrended.sdnr)));
             }
         }
-        Ok(Self { compression: made.compression.load()?, metrics, regions, course })
+        Ok(Self { compression: made.compression.load()?, metrics, regions, course, deviations })
+    }
+
+    /// One standard deviation of a metric; NaN where there is none.
+    pub fn sd(&self, name: &str) -> f64 {
+        let found = self.metrics.iter().find(|m| m.name == name);
+        found.and_then(|m| m.sd).unwrap_or(f64::NAN)
     }
 
     /// A metric by its name; NaN when it was not measured.
     pub fn metric(&self, name: &str) -> f64 {
         self.metrics.iter().find(|m| m.name == name).map_or(f64::NAN, |m| m.value)
     }
+}
+
+/// What is said with standard deviations of comfort; empty where the study asks for none. `all` has the names of ways
+/// with what theirs rest on.
+pub fn deviations_stated<'a>(all: impl Iterator<Item = (&'a str, &'a str)>) -> String {
+    let mut by_text: Vec<(&str, Vec<&str>)> = Vec::new();
+    for (way, said) in all {
+        match by_text.iter_mut().find(|(known, _)| *known == said) {
+            Some((_, ways)) => ways.push(way),
+            None => by_text.push((said, vec![way])),
+        }
+    }
+    if by_text.is_empty() {
+        return String::new();
+    }
+    let one = |(said, ways): &(&str, Vec<&str>)| format!("{}: {said}", ways.join(", "));
+    let said: Vec<String> = by_text.iter().map(one).collect();
+    format!(
+        "± one standard deviation of comfort, from what each of these changes when it is that much larger. {}. All ways share \
+         these errors: what two ways differ by is known better than either.",
+        said.join("; ")
+    )
 }
 
 /// How one way differs from the first.

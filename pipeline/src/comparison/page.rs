@@ -1,7 +1,10 @@
 //! Comparisons as one page that needs no other file.
 
-use super::{Agreement, Difference, Found, ThesisStudy, Way, differences, shift_to_wall, trends};
-use crate::page::{FIGURES_AND_TABLES, begin, number, table};
+use super::{
+    Agreement, Difference, Found, ThesisStudy, Way, deviations_stated, differences, shift_to_wall,
+    trends,
+};
+use crate::page::{FIGURES_AND_TABLES, begin, give_or_take, number, table};
 use mammotwin_data::{mesh::Patch, surface::TriMesh};
 use mammotwin_stages::{
     comfort::PressureMat,
@@ -22,7 +25,7 @@ const SENSOR_PIXELS: usize = 12;
 const BAR_MM: f64 = 50.0;
 
 /// Metrics of the table, with their headings.
-const SHOWN: [(&str, &str); 28] = [
+const SHOWN: [(&str, &str); 31] = [
     ("thickness_mm", "thickness (mm)"),
     ("nominal_thickness_mm", "nominal thickness (mm)"),
     ("deflection_mm", "deflection (mm)"),
@@ -32,6 +35,7 @@ const SHOWN: [(&str, &str); 28] = [
     ("front_area_cm2", "contact area, front (cm²)"),
     ("edge_area_cm2", "contact area, other edges (cm²)"),
     ("mean_pressure_kpa", "mean pressure (kPa)"),
+    ("peak_pressure_kpa", "largest pressure, fronts and edges too (kPa)"),
     ("pressure_p95_kpa", "pressure, 95 % of area (kPa)"),
     ("paddle_peak_pressure_kpa", "largest pressure, paddle's face (kPa)"),
     ("paddle_pressure_p95_kpa", "pressure, 95 % of paddle's face (kPa)"),
@@ -42,6 +46,8 @@ const SHOWN: [(&str, &str); 28] = [
     ("mat_contact_area_cm2", "mat: contact area (cm²)"),
     ("mat_peak_kpa", "mat: largest (kPa)"),
     ("von_mises_p95_kpa", "von Mises, 95 % of volume (kPa)"),
+    ("smallest_stress_p05_kpa", "smallest principal stress, 5 % of volume (kPa)"),
+    ("smallest_strain_p05", "smallest logarithmic strain, 5 % of volume"),
     ("stretch_rear_p95", "largest stretch, rear third, 95 %"),
     ("clamp_force_start_n", "clamping begins: force (N)"),
     ("clamp_force_end_n", "clamping ends: force (N)"),
@@ -105,13 +111,19 @@ pub fn page(
     let mut rows = vec![[vec!["ended by".to_owned()], ended.collect()].concat()];
     for (name, words) in SHOWN {
         if found.iter().any(|(_, f)| f.metric(name).is_finite()) {
-            let values = found.iter().map(|(_, f)| number(f.metric(name)));
+            let values = found.iter().map(|(_, f)| give_or_take(f.metric(name), f.sd(name)));
             rows.push([vec![words.to_owned()], values.collect()].concat());
         }
     }
     html += &table(&head, &rows);
     for line in stated.lines() {
         let _ = writeln!(html, "<p>{}</p>", escaped(line));
+    }
+    let said = |(way, found): &(&Way, &Found)| Some((way.label.clone(), found.deviations.clone()?));
+    let said: Vec<(String, String)> = found.iter().filter_map(said).collect();
+    let said = deviations_stated(said.iter().map(|(way, said)| (way.as_str(), said.as_str())));
+    if !said.is_empty() {
+        let _ = writeln!(html, "<p>{}</p>", escaped(&said));
     }
     if let Some(study) = study {
         html += "<h2>The thesis</h2>\n";

@@ -17,19 +17,25 @@ pub fn stated(mesh: &MeshPlan, law: &CompressLaw) -> String {
     )
 }
 
-/// One row a way: how it was compressed, how that ended, all metrics.
+/// One row a way: how it was compressed, how that ended, all metrics, their standard deviations where there are some.
 pub fn summary(ways: &[Way]) -> String {
     let names: Vec<&str> = ways
         .iter()
         .filter_map(|way| way.found.as_ref().ok())
         .max_by_key(|found| found.metrics.len())
         .map_or(Vec::new(), |found| found.metrics.iter().map(|m| m.name.as_str()).collect());
+    let found = || ways.iter().filter_map(|way| way.found.as_ref().ok());
+    let uncertain: Vec<&str> =
+        names.iter().copied().filter(|name| found().any(|f| f.sd(name).is_finite())).collect();
     let mut text = String::from(
         "way,paddle,chest_wall_distance_mm,mesh_mm,law,jm,poisson,ended_by,stopped_early",
     );
     for name in &names {
         // Writing to a string does not fail.
         let _ = write!(text, ",{name}");
+    }
+    for name in &uncertain {
+        let _ = write!(text, ",{name}_sd");
     }
     text.push('\n');
     for way in ways {
@@ -43,8 +49,8 @@ pub fn summary(ways: &[Way]) -> String {
                 let met = found.compression.met.as_deref().unwrap_or_default();
                 let early = found.compression.stopped_early.as_deref().unwrap_or_default();
                 let _ = write!(text, ",{met},{}", quoted(early));
-                for name in &names {
-                    let value = found.metric(name);
+                let values = names.iter().map(|name| found.metric(name));
+                for value in values.chain(uncertain.iter().map(|name| found.sd(name))) {
                     let _ = if value.is_finite() {
                         write!(text, ",{value:.6}")
                     } else {
@@ -53,7 +59,8 @@ pub fn summary(ways: &[Way]) -> String {
                 }
             }
             Err(why) => {
-                let _ = write!(text, ",,{}{}", quoted(why), ",".repeat(names.len()));
+                let _ =
+                    write!(text, ",,{}{}", quoted(why), ",".repeat(names.len() + uncertain.len()));
             }
         }
         text.push('\n');

@@ -86,6 +86,10 @@ pub struct Trial {
     pub values: Vec<f64>,
     /// What pairs of paddles are compared by, in the order of [`COMPARED`]; NaN where one was not found.
     pub compared: Vec<f64>,
+    /// One standard deviation of each of these; NaN where there is none.
+    pub deviations: Vec<f64>,
+    /// What they rest on, or why there are none, where the study asks for them.
+    pub deviations_of: Option<String>,
     /// Force (N).
     pub force_n: f64,
     /// Nominal thickness (mm).
@@ -113,6 +117,8 @@ impl Trial {
             chest_wall_distance_mm: way.plan.chest_wall_distance_mm,
             values: objectives.iter().map(value).collect(),
             compared: COMPARED.iter().map(|one| found.metric(one.name)).collect(),
+            deviations: COMPARED.iter().map(|one| found.sd(one.name)).collect(),
+            deviations_of: found.deviations.clone(),
             force_n: found.metric("force_n"),
             thickness_mm: found.metric("nominal_thickness_mm"),
             in_view_cm3: view.map_or(f64::NAN, |view| view.volume_cm3),
@@ -127,12 +133,20 @@ impl Trial {
             chest_wall_distance_mm: way.plan.chest_wall_distance_mm,
             values: vec![f64::NAN; objectives.len()],
             compared: vec![f64::NAN; COMPARED.len()],
+            deviations: vec![f64::NAN; COMPARED.len()],
+            deviations_of: None,
             force_n: f64::NAN,
             thickness_mm: f64::NAN,
             in_view_cm3: f64::NAN,
             ended_by: None,
             why_not: Some(why),
         }
+    }
+
+    /// One standard deviation of a metric; NaN where there is none.
+    pub fn sd(&self, name: &str) -> f64 {
+        let place = COMPARED.iter().position(|one| one.name == name);
+        place.and_then(|n| self.deviations.get(n)).copied().unwrap_or(f64::NAN)
     }
 
     /// Values of which small ones are wanted; NaN of what does not count.
@@ -225,6 +239,8 @@ mod tests {
             chest_wall_distance_mm: 15.0,
             values: vec![pressure, view],
             compared: vec![pressure; COMPARED.len()],
+            deviations: vec![0.1 * pressure; COMPARED.len()],
+            deviations_of: Some("fitted moduli (10.0 %)".into()),
             force_n: f64::NAN,
             thickness_mm: f64::NAN,
             in_view_cm3: f64::NAN,
@@ -251,6 +267,32 @@ mod tests {
         );
         assert_eq!((all[0].fronts, all[2].fronts, all[3].persons), (2, 0, 0));
         assert!(all[3].over_first[0].is_nan());
+    }
+
+    /// Deviations stand in the table and on the page, for whom they are known.
+    #[test]
+    fn deviations_are_told() {
+        let wanted = [PRESSURE, TISSUE];
+        let mut her = person(&[(10.0, 0.6, None), (8.0, 0.5, None)], &wanted);
+        her.trials[1].deviations = vec![f64::NAN; COMPARED.len()];
+        let way = |label: &str| Way {
+            label: label.into(),
+            design: label.into(),
+            plan: table::tests::plan(),
+        };
+        let ways = [way("rigid"), way("flex")];
+        let persons = [her];
+        let csv = designs_csv(&ways, &persons, &wanted);
+        let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+        assert!(rows.iter().all(|row| row.len() == rows[0].len()), "{csv}");
+        for name in ["paddle_peak_pressure_kpa_sd", "paddle_pressure_p95_kpa_sd", "force_n_sd"] {
+            let at = rows[0].iter().position(|cell| *cell == name).unwrap();
+            assert_eq!([rows[1][at], rows[2][at]], ["1.000000", ""], "{name}");
+        }
+        let all = overall(2, &persons, &wanted);
+        let (html, _) = page(&ways, &persons, &all, &[], &wanted);
+        assert!(html.contains("10.0 ± 1.00") && html.contains("8.00<"), "{html}");
+        assert!(html.contains("rigid, flex: fitted moduli (10.0 %)"));
     }
 
     /// Pairs are of one distance, and of persons on whom both count.

@@ -1,7 +1,10 @@
 //! Designs as one page that needs no other file.
 
 use super::{COMPARED, FORCE, Objective, Overall, Pair, Person, Trial, Wanted, Way};
-use crate::page::{FIGURES_AND_TABLES, begin, number, table};
+use crate::{
+    comparison::deviations_stated,
+    page::{FIGURES_AND_TABLES, begin, give_or_take, number, table},
+};
 use mammotwin_stages::report::{
     escaped,
     scatter::{Dot, Fill, Group, Scatter, scatter},
@@ -70,6 +73,13 @@ pub fn page(
     for person in persons {
         let _ = writeln!(html, "<h2>{}</h2>", escaped(&person.id));
         html += &person_table(ways, person, objectives);
+        let said = ways.iter().zip(&person.trials);
+        let said =
+            said.filter_map(|(way, trial)| Some((&*way.label, trial.deviations_of.as_deref()?)));
+        let said = deviations_stated(said);
+        if !said.is_empty() {
+            let _ = writeln!(html, "<p>{}</p>", escaped(&said));
+        }
     }
     html += "<h2>Figures</h2>\n";
     for figure in &figures {
@@ -95,12 +105,11 @@ fn shade(value: f64, column: &[f64], wanted: Wanted) -> String {
     format!(" style=\"background:rgba(0,94,158,{:.2})\"", 0.4 * share)
 }
 
-/// A table whose columns of objectives are shaded. A row: texts before them, values, texts after them.
-fn shaded(
-    head: &[String],
-    rows: &[(Vec<String>, Vec<f64>, Vec<String>)],
-    objectives: &[Objective],
-) -> String {
+/// A row: texts before its objectives, their values with one standard deviation, texts after them.
+type Row = (Vec<String>, Vec<[f64; 2]>, Vec<String>);
+
+/// A table whose columns of objectives are shaded.
+fn shaded(head: &[String], rows: &[Row], objectives: &[Objective]) -> String {
     let mut html = String::from("<table>\n<tr>");
     let cell = |html: &mut String, tag: &str, style: &str, text: &str| {
         let _ = write!(html, "<{tag}{style}>{}</{tag}>", escaped(text));
@@ -110,9 +119,10 @@ fn shaded(
     for (before, values, after) in rows {
         html += "<tr>";
         before.iter().for_each(|text| cell(&mut html, "td", "", text));
-        for (n, (value, objective)) in values.iter().zip(objectives).enumerate() {
-            let column: Vec<f64> = rows.iter().map(|row| row.1[n]).collect();
-            cell(&mut html, "td", &shade(*value, &column, objective.wanted), &number(*value));
+        for (n, ([value, sd], objective)) in values.iter().zip(objectives).enumerate() {
+            let column: Vec<f64> = rows.iter().map(|row| row.1[n][0]).collect();
+            let style = shade(*value, &column, objective.wanted);
+            cell(&mut html, "td", &style, &give_or_take(*value, *sd));
         }
         after.iter().for_each(|text| cell(&mut html, "td", "", text));
         html += "</tr>\n";
@@ -140,7 +150,8 @@ fn overall_table(
             0 => fronts,
             missing => format!("{fronts}; not found on {missing}"),
         };
-        (vec![way.label.clone(), dot(one.on_front)], one.over_first.clone(), vec![missing])
+        let values = one.over_first.iter().map(|value| [*value, f64::NAN]).collect();
+        (vec![way.label.clone(), dot(one.on_front)], values, vec![missing])
     };
     shaded(&head, &ways.iter().zip(all).map(row).collect::<Vec<_>>(), objectives)
 }
@@ -193,12 +204,14 @@ fn person_table(ways: &[Way], person: &Person, objectives: &[Objective]) -> Stri
     let trials = ways.iter().zip(&person.trials).zip(&person.on_front);
     let row = |((way, trial), on_front): ((&Way, &Trial), &bool)| {
         let given = if judged_by_force { trial.thickness_mm } else { trial.force_n };
-        let more = [given, trial.in_view_cm3].map(number);
+        let given_sd = trial.sd(if judged_by_force { "nominal_thickness_mm" } else { "force_n" });
+        let more = [give_or_take(given, given_sd), number(trial.in_view_cm3)];
         let remark = trial.why_not.as_ref().map(|why| format!("does not count: {why}"));
         let after = [&more[..], &[remark.unwrap_or_default()]].concat();
         // What does not count shades no cell.
         let counts = |value: &f64| if trial.why_not.is_none() { *value } else { f64::NAN };
-        let values = trial.values.iter().map(counts).collect();
+        let values = trial.values.iter().map(counts).zip(objectives);
+        let values = values.map(|(value, one)| [value, trial.sd(one.name)]).collect();
         (vec![way.label.clone(), dot(*on_front)], values, after)
     };
     shaded(&head, &trials.map(row).collect::<Vec<_>>(), objectives)

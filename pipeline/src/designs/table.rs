@@ -32,6 +32,15 @@ pub fn designs_csv(ways: &[Way], persons: &[Person], objectives: &[Objective]) -
     for (_, other) in others(objectives) {
         let _ = write!(text, ",{}", other.name);
     }
+    let trials = || persons.iter().flat_map(|person| &person.trials);
+    let uncertain: Vec<&str> = COMPARED
+        .iter()
+        .map(|one| one.name)
+        .filter(|name| trials().any(|trial| trial.sd(name).is_finite()))
+        .collect();
+    for name in &uncertain {
+        let _ = write!(text, ",{name}_sd");
+    }
     text += ",end_force_n,end_nominal_thickness_mm,in_view_cm3,why_not\n";
     for person in persons {
         for ((way, trial), on_front) in ways.iter().zip(&person.trials).zip(&person.on_front) {
@@ -50,6 +59,9 @@ pub fn designs_csv(ways: &[Way], persons: &[Person], objectives: &[Objective]) -
             }
             for (n, _) in others(objectives) {
                 let _ = write!(text, ",{}", cell(trial.compared[n]));
+            }
+            for name in &uncertain {
+                let _ = write!(text, ",{}", cell(trial.sd(name)));
             }
             let why = trial.why_not.as_deref().map(quoted).unwrap_or_default();
             let [force, thickness, view] =

@@ -21,7 +21,7 @@ use mammotwin_stages::{
     place::{Carrier, Places, Shape, Shapes, Unplaced},
     pose::PoseFit,
     register::Registered,
-    stiffer::Stiffened,
+    stiffer::Varied,
 };
 use serde::Serialize;
 use std::{collections::BTreeMap, path::Path};
@@ -85,9 +85,19 @@ pub struct Mapped {
     pub mammogram: Option<Shadow>,
 }
 
-/// Runs the stages that a map needs beside a finished study.
-pub fn stiffer(study: &Study, run: &Run<'_>) -> Result<Stored<Stiffened>, Failure> {
-    graph::stiffer(study, &graph::body(study, run)?, run)
+/// What a map needs beside a finished study: the fit of the stiffer model, and its compression where there is one.
+pub type Stiffer = (Stored<Calibration>, Option<Stored<Compression>>);
+
+/// Runs the stages of that.
+///
+/// # Errors
+/// As of the stages.
+pub fn stiffer(study: &Study, run: &Run<'_>) -> Result<Stiffer, Failure> {
+    let outcome = graph::body(study, run)?;
+    let fit = graph::stiffer(study, &outcome, run)?;
+    let press = |plan| graph::varied(study, (Varied::Moduli, plan), "", run, (&outcome.mesh, &fit));
+    let pressed = study.compress.as_ref().map(press).transpose()?;
+    Ok((fit, pressed))
 }
 
 impl Body {

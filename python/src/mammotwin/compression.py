@@ -130,11 +130,12 @@ class Compression:
         node = int(np.argmax(mesh.point_fields["contact_pressure_kpa"].values))
         return self.to_detector(mesh.points[node][None])[0]
 
-    def strain_percentile(self, percent: float) -> float:
-        """Largest principal logarithmic strain that `percent` of the compressed volume does not exceed."""
+    def strain_percentile(self, percent: float, which: str = "largest") -> float:
+        """Principal logarithmic strain (`largest` or `smallest`, positive in extension) that `percent` of the volume does not exceed."""
         mesh = self.state.mesh
-        largest = np.log(mesh.cell_fields["principal_stretches"].values[:, 0])
-        return weighted_percentile(largest, mesh.volumes_mm3, percent)
+        column = {"largest": 0, "smallest": 2}[which]
+        strains = np.log(mesh.cell_fields["principal_stretches"].values[:, column])
+        return weighted_percentile(strains, mesh.volumes_mm3, percent)
 
     def __repr__(self) -> str:
         return f"<Compression {self.side} {self.view}: {self.thickness_mm:.1f} mm, {self.force_n:.3g} N>"

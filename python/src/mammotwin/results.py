@@ -217,7 +217,7 @@ class Results(OpenFile):
     def comfort(self) -> Metrics:
         """Force, contact area, pressure, percentiles of stress and strain at the end of the compression."""
         words = ("thickness", "nominal_thickness", "deflection", "force", "contact", "front", "face", "juxtathoracic")
-        words += ("mean_pressure", "peak_pressure", "pressure", "mat", "von_mises", "largest_stress", "smallest_stress", "strain", "stretch")
+        words += ("mean_pressure", "peak_pressure", "pressure", "mat", "von_mises", "largest_stress", "smallest_stress", "smallest_strain", "strain", "stretch")
         return self._part("comfort metrics", "comfort", *words)
 
     @property

@@ -5,6 +5,11 @@ pub(super) const STOP_TOLERANCE: f64 = 0.01;
 /// Most trials to meet a limit.
 const STOP_TRIALS: usize = 12;
 
+/// Whether a share of a limit is that limit, within the tolerance.
+pub(super) fn is_met(share: f64) -> bool {
+    (share - 1.0).abs() <= STOP_TOLERANCE
+}
+
 /// A state with what it reaches.
 #[derive(Debug, Clone)]
 pub(super) struct Reached<S> {
@@ -35,7 +40,6 @@ pub(super) fn meet<S>(
     mut beyond: Reached<S>,
     mut go: impl FnMut(f64) -> Option<Reached<S>>,
 ) -> Met<S> {
-    let is_met = |share: f64| (share - 1.0).abs() <= STOP_TOLERANCE;
     if is_met(beyond.share) {
         return Met::Limit(beyond.state);
     }

@@ -24,6 +24,17 @@ pub enum StoppedEarly {
         /// Share of the nearest limit.
         share: [f64; 2],
     },
+    /// The first state is beyond a limit already, by weight or since it begins between the plates.
+    #[error(
+        "the first state, at {thickness_mm:.1} mm, has {:.0} % of the limit before the plates close; \
+         give a higher limit, or less weight", 100.0 * share
+    )]
+    Beyond {
+        /// Distance of the plates (mm).
+        thickness_mm: f64,
+        /// Share of the nearest limit.
+        share: f64,
+    },
     /// No limit is reached at the thinnest gap that is tried.
     #[error(
         "at {thickness_mm:.1} mm, the thinnest that is tried, only {:.0} % of the limit are reached; \

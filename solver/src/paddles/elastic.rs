@@ -5,7 +5,8 @@
 //! polynomials along and away from the chest-wall edge, times factors that vanish at the supports
 //! (Timoshenko and Woinowsky-Krieger, *Theory of plates and shells* (1959), § 80-81). The upright lip
 //! along the chest-wall edge is a beam. Stiffness and mass are diagonalised once; the coordinates
-//! are the amplitudes of these modes, each of mean square one.
+//! are the amplitudes of these modes, each of mean square one. Deflections are taken for small: at those of the
+//! plate's thickness its middle surface would stretch and stiffen it, which is neglected.
 
 use super::{AT_REST, Bend, COORDINATES, Lift, Place, Pose};
 use nalgebra::{Cholesky, DMatrix, SymmetricEigen};
@@ -205,16 +206,20 @@ fn legendre<const N: usize>(x: f64) -> [Jet; N] {
 }
 
 /// Value and derivatives (u, v, uu, uv, vv; 1/mm, 1/mm²) of all products of functions at a place.
-/// Beyond its ends the plate goes on as it ends.
+/// Beyond its ends the plate is level, as high as where it ends: derivatives across them are zero there.
 fn functions(sheet: &Sheet, [along, away]: Place) -> [[f64; 6]; COORDINATES] {
-    let x = (2.0 * along / sheet.width_mm).clamp(-1.0, 1.0);
-    let y = (away / sheet.depth_mm).clamp(-0.1, 1.0);
+    let [x, y] = [2.0 * along / sheet.width_mm, away / sheet.depth_mm];
+    let within = |value: f64, low: f64, high: f64| {
+        let inside = if (low..=high).contains(&value) { 1.0 } else { 0.0 };
+        (value.clamp(low, high), inside)
+    };
+    let ((x, goes_x), (y, goes_y)) = (within(x, -1.0, 1.0), within(y, -0.1, 1.0));
     let (sides, ends): (Jet, Jet) = match sheet.support {
         Support::Frame => ([1.0 - x * x, -2.0 * x, -2.0], [1.0 - y, -1.0, 0.0]),
         Support::AllSides => ([1.0 - x * x, -2.0 * x, -2.0], [y * (1.0 - y), 1.0 - 2.0 * y, -2.0]),
         Support::Rear => ([1.0, 0.0, 0.0], [(1.0 - y).powi(2), 2.0 * (y - 1.0), 2.0]),
     };
-    let (dx, dy) = (2.0 / sheet.width_mm, 1.0 / sheet.depth_mm);
+    let (dx, dy) = (goes_x * 2.0 / sheet.width_mm, goes_y / sheet.depth_mm);
     let across: [Jet; ALONG] = legendre(x);
     let beyond: [Jet; AWAY] = legendre(2.0 * y - 1.0);
     let mut all = [[0.0; 6]; COORDINATES];
@@ -382,7 +387,9 @@ mod tests {
         }
         let h = 1e-4;
         for lift in &lifts {
-            for [u, v] in [[13.0, 20.0], [-70.0, 110.0], [0.0, -4.0]] {
+            // On the plate; beside it, behind its rear, before its edge, beyond a corner.
+            let beyond = [[-150.0, 60.0], [40.0, 260.0], [20.0, -40.0], [150.0, 270.0]];
+            for [u, v] in [[13.0, 20.0], [-70.0, 110.0], [0.0, -4.0]].into_iter().chain(beyond) {
                 let at = |du: f64, dv: f64| lift.bend([u + du, v + dv], &pose);
                 let here = at(0.0, 0.0);
                 let (right, left) = (at(h, 0.0), at(-h, 0.0));

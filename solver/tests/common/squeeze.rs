@@ -52,6 +52,7 @@ impl Squeeze {
             receptor_mm: -66.0,
             thickness_mm: 132.0,
             receptor_share: 0.5,
+            lift_mm: 0.0,
             step_mm: self.step_mm,
             stops: self.stops,
         };

@@ -8,7 +8,7 @@ pub use mat::PressureMat;
 
 use crate::{compress::Compression, quality::Metrics, results::principal_stretches};
 use mammotwin_data::{
-    Failure, Mat3, Vec3,
+    Failure, Vec3,
     metric::Metric,
     progress::Progress,
     solution::{principal_stresses_kpa, von_mises_kpa},
@@ -91,6 +91,8 @@ pub struct Burden {
     pub smallest_stress_kpa: Vec<f64>,
     /// Largest principal stretch.
     pub stretch: Vec<f64>,
+    /// Smallest principal stretch, below one where tissue is shortened.
+    pub smallest_stretch: Vec<f64>,
     /// Volume (mm³).
     pub volume_mm3: Vec<f64>,
     /// Where it is.
@@ -112,7 +114,8 @@ impl Burden {
                 _ => Region::Front,
             }
         };
-        let largest = |f: &Mat3| principal_stretches(f)[0];
+        let stretches = solution.deformation_gradient.iter().map(principal_stretches);
+        let (stretch, smallest_stretch) = stretches.map(|sorted| (sorted[0], sorted[2])).unzip();
         let principal = solution.cauchy_kpa.iter().map(principal_stresses_kpa);
         let (largest_stress_kpa, smallest_stress_kpa) =
             principal.map(|[most, least]| (most, least)).unzip();
@@ -120,7 +123,8 @@ impl Burden {
             largest_stress_kpa,
             smallest_stress_kpa,
             von_mises_kpa: solution.cauchy_kpa.iter().map(von_mises_kpa).collect(),
-            stretch: solution.deformation_gradient.iter().map(largest).collect(),
+            stretch,
+            smallest_stretch,
             volume_mm3: compression.volumes_mm3(),
             region: compression.mesh.tets.iter().map(region).collect(),
         }
@@ -151,11 +155,11 @@ pub fn face_pressures(compression: &Compression) -> Vec<Weighted> {
 
 impl Stage for Comfort {
     const NAME: &'static str = "comfort";
-    const VERSION: u32 = 6;
+    const VERSION: u32 = 7;
     const METHODS: &'static str = "Comfort is described by the contact pressure by area of the plates' faces, their upright \
          fronts and other edges apart, by the place of the largest one, by the share of the force near the chest wall, by what a \
-         virtual pressure mat shows, and by von Mises and principal stresses, largest stretch and largest logarithmic strain by \
-         volume and region (after Mîra 2018, § 5.3.1); percentiles are given since maxima depend on the mesh.";
+         virtual pressure mat shows, and by von Mises and principal stresses, largest stretch, largest and smallest logarithmic \
+         strain by volume and region (after Mîra 2018, § 5.3.1); percentiles are given since maxima depend on the mesh.";
     type Input = Compression;
     type Output = Metrics;
 
@@ -271,7 +275,10 @@ impl Stage for Comfort {
         add("mat_peak_kpa", &format!("{sheet}: largest"), "kPa", mat.peak_kpa(), None);
 
         let burden = Burden::of(compression);
-        let strain: Vec<f64> = burden.stretch.iter().map(|stretch| stretch.ln()).collect();
+        let strains =
+            |stretches: &[f64]| stretches.iter().map(|one| one.ln()).collect::<Vec<f64>>();
+        let [strain, smallest_strain] =
+            [&burden.stretch, &burden.smallest_stretch].map(|s| strains(s));
         for (share, word) in [(0.5, "p50"), (0.95, "p95"), (0.99, "p99")] {
             let percent = 100.0 * share;
             let long = format!("von Mises stress, {percent:.0} % of the volume");
@@ -288,6 +295,9 @@ impl Stage for Comfort {
             let long = format!("smallest principal stress, {:.0} % of the volume", 100.0 * share);
             let value = percentile(burden.by_volume(&burden.smallest_stress_kpa, None), share);
             add(&format!("smallest_stress_{word}_kpa"), &long, "kPa", value, None);
+            let long = format!("smallest logarithmic strain, {:.0} % of the volume", 100.0 * share);
+            let value = percentile(burden.by_volume(&smallest_strain, None), share);
+            add(&format!("smallest_strain_{word}"), &long, "", value, None);
         }
         for region in Region::ALL {
             let (name, words) = (region.name(), region.words());
@@ -315,6 +325,10 @@ impl Stage for Comfort {
                 percentile(values, 0.05),
                 None,
             );
+            let long = format!("smallest logarithmic strain, {words}, 5 % of the volume");
+            let values = burden.by_volume(&smallest_strain, Some(region));
+            let value = percentile(values, 0.05);
+            add(&format!("smallest_strain_{name}_p05"), &long, "", value, None);
         }
         Ok(Metrics { metrics, ..Metrics::default() })
     }
@@ -386,6 +400,32 @@ mod tests {
         assert_eq!(metric(&pressed, 12.0, "peak_pressure_juxtathoracic"), 0.0);
         pressed.contact_pressure_kpa.fill(0.0);
         assert_eq!(peak(&pressed), None);
+    }
+
+    /// Two tetrahedra, one shortened to 0.8 and one to 0.5 of its height and as wide as keeps their volumes: strains
+    /// are ln 0.8 and ln 0.5, and those of the sides half of it with the other sign.
+    #[test]
+    fn the_smallest_strain_is_that_of_the_most_shortened_tissue() {
+        let mut pressed = Compression::of_course(crate::compress::Course::default());
+        let corners = [[0.0; 3], [6.0, 0.0, 0.0], [0.0, 6.0, 0.0], [0.0, 0.0, 6.0]];
+        pressed.solution.points = corners.into_iter().map(Vec3::from).collect();
+        pressed.mesh.tets = vec![[0, 1, 2, 3]; 2];
+        let shortened = |to: f64| {
+            let wide = to.sqrt().recip();
+            mammotwin_data::Mat3::from_diagonal(&Vec3::new(wide, to, wide))
+        };
+        pressed.solution.deformation_gradient = vec![shortened(0.8), shortened(0.5)];
+        pressed.solution.cauchy_kpa = vec![mammotwin_data::Mat3::zeros(); 2];
+        for (name, stretch) in [
+            ("smallest_strain_p01", 0.5f64),
+            ("smallest_strain_p05", 0.5),
+            ("smallest_strain_p50", 0.5),
+            ("smallest_strain_rear_p05", 0.5),
+            ("strain_p50", 0.8f64.sqrt().recip()),
+        ] {
+            let found = metric(&pressed, 20.0, name);
+            assert!((found - stretch.ln()).abs() < 1e-12, "{name}: {found}");
+        }
     }
 
     #[test]

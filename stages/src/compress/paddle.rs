@@ -3,8 +3,8 @@
 use mammotwin_data::{
     Failure,
     study::{
-        CompressPlan, CurvePlan, CushionPlan, EDGE_RADIUS_MM, GimbalPlan, HingePlan, OutlinePlan,
-        PaddleName, PlatePlan, PlateSupport, SpotName,
+        CompressPlan, CurvePlan, CushionPlan, GimbalPlan, HingePlan, OutlinePlan, PaddleName,
+        PlatePlan, PlateSupport, SpotName,
     },
     surface::TriMesh,
     units::NEWTON,
@@ -83,7 +83,7 @@ pub(super) fn paddle(
                 let why = "compress.paddle: cad needs a file; add cad = { file = \"paddle.stl\" }";
                 return Err(Failure::BadInput(why.into()));
             };
-            let found = from_cad(surface)?;
+            let found = from_cad(surface, plan.edge_radius_mm)?;
             outline = found.outline;
             Paddle::Lifted(Arc::new(found.field))
         }
@@ -91,12 +91,12 @@ pub(super) fn paddle(
     Ok((paddle, outline))
 }
 
-/// The paddle in a file from CAD.
+/// The paddle in a file from CAD, with edges of a radius (mm).
 ///
 /// # Errors
 /// A surface that is none.
-pub fn from_cad(surface: &TriMesh) -> Result<CadPaddle, Failure> {
-    CadPaddle::new(surface, EDGE_RADIUS_MM)
+pub fn from_cad(surface: &TriMesh, edge_radius_mm: f64) -> Result<CadPaddle, Failure> {
+    CadPaddle::new(surface, edge_radius_mm)
         .map_err(|cause| Failure::BadInput(format!("compress.cad.file: {cause}")))
 }
 

@@ -6,7 +6,7 @@ use mammotwin_data::{
     Failure, Vec3,
     mesh::{Patch, TetMesh},
     progress::{Part, Progress, Silent},
-    study::{EDGE_RADIUS_MM, ModelPlan, ReceptorName},
+    study::{ModelPlan, ReceptorName},
     surface::TriMesh,
     units::NEWTON,
 };
@@ -102,7 +102,7 @@ impl Compress {
             axis,
             away: base.normal,
             edge_mm: base.normal.dot(&base.center) + self.plan.chest_wall_distance_mm,
-            radius_mm: EDGE_RADIUS_MM,
+            radius_mm: self.plan.edge_radius_mm,
             friction: self.plan.friction,
             paddle,
             outline,
@@ -124,8 +124,9 @@ impl Compress {
         Ok(Compression { muscle, ..result(side, mesh, nipple_node, &plates, done) })
     }
 
-    /// Both plates come alike to the height of the nipple: the receptor is raised to the breast. Or it stays at
-    /// the fold, `fold_mm` along the axis, and not above the lowest skin between the plates.
+    /// Both plates come alike to the height of the nipple: the receptor is raised to the breast. Or it comes to the
+    /// fold, `fold_mm` along the axis: from the lowest skin between the plates where that hangs lower, while the paddle
+    /// waits as far above the highest; then the paddle comes down.
     pub(super) fn closing(
         &self,
         plates: &press::Plates,
@@ -141,17 +142,31 @@ impl Compress {
                 self.plan.chest_wall_distance_mm
             )));
         }
-        let lift_mm = self.plan.receptor_lift_mm;
-        let (receptor_mm, thickness_mm, receptor_share) = match self.plan.receptor {
+        let raised_mm = self.plan.receptor_lift_mm;
+        let too_far = |what: &str, mm: f64| {
+            let raised = if raised_mm < 0.0 { "below" } else { "above" };
+            Failure::BadInput(format!(
+                "compress.receptor_lift_mm: {raised_mm} mm bring {what} {mm:.0} mm {raised} the breast; give less"
+            ))
+        };
+        let (receptor_mm, thickness_mm, receptor_share, lift_mm) = match self.plan.receptor {
             ReceptorName::Nipple => {
-                let nipple = plates.axis.dot(&points[nipple_node as usize]) + lift_mm;
-                let middle = nipple.clamp(low, low + height);
+                let nipple = plates.axis.dot(&points[nipple_node as usize]);
+                let middle = nipple.clamp(low, low + height) + raised_mm;
+                let beyond = (low - middle).max(middle - low - height);
+                if beyond > 0.0 {
+                    return Err(too_far("the middle between the plates", beyond));
+                }
                 let thickness_mm = 2.0 * (low + height - middle).max(middle - low);
-                (middle - 0.5 * thickness_mm, thickness_mm, 0.5)
+                (middle - 0.5 * thickness_mm, thickness_mm, 0.5, 0.0)
             }
             ReceptorName::Fold => {
-                let receptor_mm = low.min(fold_mm + lift_mm);
-                (receptor_mm, low + height - receptor_mm, 0.0)
+                let goal = fold_mm + raised_mm;
+                if goal >= low + height {
+                    return Err(too_far("the receptor", goal - low - height));
+                }
+                let lift_mm = (goal - low).max(0.0);
+                (goal.min(low), low + height + lift_mm - goal.min(low), 0.0, lift_mm)
             }
         };
         let stop = &self.plan.stop;
@@ -165,6 +180,7 @@ impl Compress {
             receptor_mm,
             thickness_mm,
             receptor_share,
+            lift_mm,
             step_mm: STEP_MM,
             stops: press::Stops {
                 thickness_mm: stop.thickness_mm,

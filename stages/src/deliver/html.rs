@@ -104,6 +104,9 @@ impl Stage for Report {
         if input.metrics.iter().any(|metric| metric.sd.is_some()) {
             input.methods.push(Deviations::METHODS.into());
         }
+        for said in metrics.iter().filter_map(|part| part.deviations.as_ref()) {
+            input.methods.push(format!("Standard deviations of comfort: {said}."));
+        }
         if let (Some(part), Some(course)) = (&mut input.compression, clamping::of(metrics)) {
             part.curves.extend(clamping::charts(course));
             part.facts.push(clamping::fact(course));

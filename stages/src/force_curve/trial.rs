@@ -16,8 +16,8 @@ use mammotwin_data::{
     labels::Side,
     progress::Silent,
     study::{
-        CompressLaw, CompressPlan, Elements, LawConstants, LawName, MeshPlan, ModelPlan,
-        PaddleName, ReceptorName, StopPlan, View,
+        CompressLaw, CompressPlan, EDGE_RADIUS_MM, Elements, LawConstants, LawName, MeshPlan,
+        ModelPlan, PaddleName, ReceptorName, StopPlan, View,
     },
 };
 use mammotwin_solver::{Options, mesh::lattice::Placement, solve};
@@ -129,6 +129,7 @@ impl Person {
             biopsy: None,
             cushion: None,
             cad: None,
+            edge_radius_mm: EDGE_RADIUS_MM,
             chest_wall_distance_mm: distance_mm,
             clamp: None,
             stop: StopPlan {
