@@ -161,11 +161,13 @@ def test_motions_are_as_accurate_as_those_of_simpleitk_at_half_the_time(voluntee
                 error = error_mm(motion_, truth, points)
                 others.setdefault((metric, share), []).append((error, spent))
                 print(f"    SimpleITK, {metric}, {share:.0%} of the points: {error:.3f} mm, {spent:.1f} s")
-    for way, told in others.items():
+    for (metric, share), told in others.items():
+        way = f"{metric}, {share:.0%} of the points"
         errors = [error for error, _ in told]
         spent = sum(spent for _, spent in told)
         assert 2 * seconds["align"] <= spent, way
-        assert seconds["align"] + seconds["register"] <= spent, way
+        # The whole of a run's registration, beside the same points.
+        assert share < 1 or seconds["align"] + seconds["register"] <= spent, way
         if wall_is == "still":
             for pose, error in zip(POSES, errors, strict=True):
                 assert rigid[pose] <= error + MARGIN_MM, (way, pose)
