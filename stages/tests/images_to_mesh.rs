@@ -102,7 +102,7 @@ fn check(preset: &str, seed: u64, voxel_mm: [f64; 3], limits: [[f64; 3]; 4]) {
         assert!((ras[0] - pir[0]).abs() < 0.02 && (ras[1] - pir[1]).abs() < 0.05, "{part}");
     }
     for n in 0..3 {
-        assert!((ras.ends[n] - pir.ends[n]).abs() < 0.01, "{:?} {:?}", ras.ends, pir.ends);
+        assert!((ras.ends[n] - pir.ends[n]).abs() < 0.1, "{:?} {:?}", ras.ends, pir.ends);
         // What the segmentation misses of the limits, and no layer of voxels more.
         assert!((ras.ends[n] - known[n]).abs() < 6.0, "{:?} for {known:?}", ras.ends);
     }
@@ -115,7 +115,7 @@ fn the_mesh_of_an_image_keeps_to_the_shape_of_the_person() {
         "tiny",
         5,
         [2.0, 2.0, 3.3],
-        [[0.3, 1.2, 4.0], [0.3, 1.2, 4.0], [0.3, 1.2, 6.0], [0.3, 1.2, 4.0]],
+        [[0.4, 1.6, 5.0], [0.4, 1.6, 5.0], [0.4, 1.6, 7.0], [0.4, 1.6, 5.0]],
     );
 }
 
