@@ -4,6 +4,13 @@
 pub trait Progress: Sync {
     /// `fraction` of the stage done, in 0..=1, and what is being done now.
     fn report(&self, fraction: f64, doing: &str);
+
+    /// A warning that belongs to the result: the store keeps it with that. Texts must name no file and no person, and
+    /// come in the same order for equal inputs.
+    fn warn(&self, _warning: &str) {}
+
+    /// A number that says how far the result is to be trusted, kept likewise.
+    fn note(&self, _name: &str, _value: f64) {}
 }
 
 /// Nobody listens.
@@ -27,5 +34,13 @@ pub struct Part<'a> {
 impl Progress for Part<'_> {
     fn report(&self, fraction: f64, doing: &str) {
         self.whole.report(self.from + (self.to - self.from) * fraction.clamp(0.0, 1.0), doing);
+    }
+
+    fn warn(&self, warning: &str) {
+        self.whole.warn(warning);
+    }
+
+    fn note(&self, name: &str, value: f64) {
+        self.whole.note(name, value);
     }
 }

@@ -68,6 +68,13 @@ impl Grid {
         [0, 1, 2].map(|axis| self.axes.column(axis).norm())
     }
 
+    /// The axis of storage that runs most along a world axis (0 x, 1 y, 2 z); of equal ones the first.
+    pub fn axis_along(&self, world: usize) -> usize {
+        let spacing = self.spacing_mm();
+        let share = |axis: usize| self.axes[(world, axis)].abs() / spacing[axis];
+        (1..3).fold(0, |most, axis| if share(axis) > share(most) { axis } else { most })
+    }
+
     /// Volume of one voxel (mm³).
     pub fn voxel_mm3(&self) -> f64 {
         self.axes.determinant().abs()
@@ -165,6 +172,21 @@ impl Volume<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn axes_of_storage_are_told_by_their_direction_not_their_spacing() {
+        let ras = Grid::aligned([2; 3], [0.5, 3.0, 1.0], Vec3::zeros());
+        assert_eq!([0, 1, 2].map(|world| ras.axis_along(world)), [0, 1, 2]);
+        // Posterior-inferior-right, turned by 20 degrees about x.
+        let [sin, cos] = [0.342, 0.940];
+        let axes = Mat3::from_columns(&[
+            Vec3::new(0.0, -cos, -sin),
+            3.0 * Vec3::new(0.0, sin, -cos),
+            Vec3::new(0.7, 0.0, 0.0),
+        ]);
+        let pir = Grid { axes, ..ras };
+        assert_eq!([0, 1, 2].map(|world| pir.axis_along(world)), [2, 0, 1]);
+    }
 
     #[test]
     fn linear_interpolation_reproduces_a_linear_image_on_an_oblique_grid() {

@@ -129,6 +129,7 @@ impl Listener for Display {
             Event::Damaged { what, why } => {
                 self.line(&format!("{what}: {}: computed anew", one_line(why)));
             }
+            Event::Warned { instance, warning } => self.line(&format!("{instance}: {warning}")),
             Event::Waiting { instance, holder } => {
                 self.line(&format!("{instance}: waiting for {holder}"));
             }
@@ -189,6 +190,7 @@ fn log(event: &Event<'_>) {
         Event::Failed { instance, .. } => tracing::error!(instance, "failed"),
         Event::Reused { instance, .. } => tracing::info!(instance, "reused"),
         Event::Damaged { what, why } => tracing::warn!(what, why = one_line(why), "damaged"),
+        Event::Warned { instance, warning } => tracing::warn!(instance, warning, "warned"),
         Event::Waiting { instance, holder } => {
             tracing::info!(instance, holder = %holder, "waiting");
         }

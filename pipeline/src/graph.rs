@@ -14,7 +14,7 @@ use mammotwin_data::{
     Failure,
     io::dicom::Intent,
     labels::LabelMap,
-    store::{Entry, Run, Stored},
+    store::{Entry, Run, Stage, State, Stored},
     study::{CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
     surface::TriMesh,
 };
@@ -38,6 +38,7 @@ use mammotwin_stages::{
     phantom::{CompressedPhantom, Phantom},
     quality::{Metrics, Quality},
     results::{Provenance, StageRecord},
+    segment::{Segment, Segmented},
     validate::{Validate, Validation},
 };
 use std::collections::BTreeMap;
@@ -290,8 +291,14 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
     let images = &outcome.measured.images;
     let measured = images.keys().cloned().collect();
     let measures: Vec<_> = images.values().map(|pose| pose.measures.clone()).collect();
-    let deliver =
-        Deliver { study: study.without_files(), moving, measured, provenance: provenance.clone() };
+    let segmented = segmented(run);
+    let deliver = Deliver {
+        study: study.without_files(),
+        moving,
+        measured,
+        segmented: segmented.clone(),
+        provenance: provenance.clone(),
+    };
     let squeezed = part.map(|part| &part.compression);
     let taken = part.and_then(|part| part.mammograms.as_ref());
     let tested = (&validations[..], &fiducials[..]);
@@ -322,6 +329,7 @@ fn deliver(study: &Study, run: &Run<'_>, outcome: &Outcome) -> Result<(), Failur
         subject: study.subject.id.clone(),
         poses: names.into_iter().cloned().collect(),
         warnings,
+        segmented,
         model: study.model.clone(),
         parameters: study.calibrate.parameters.clone(),
         provenance,
@@ -390,6 +398,15 @@ fn provenance(run: &Run<'_>) -> Provenance {
         program_version: env!("CARGO_PKG_VERSION").into(),
         stages: run.calls().into_iter().map(record).collect(),
     }
+}
+
+/// What the segmentation says of the labels that are used; nothing of those that a person gave or changed.
+fn segmented(run: &Run<'_>) -> Segmented {
+    let own = |entry: Entry| {
+        let fresh = entry.stage == Segment::NAME && entry.state == State::Fresh;
+        entry.record.filter(|_| fresh).map(|record| (entry.label, record.notes))
+    };
+    run.calls().into_iter().filter_map(own).collect()
 }
 
 /// The compression alone.

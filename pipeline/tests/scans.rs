@@ -48,6 +48,44 @@ fn front(skin: &TriMesh, least_y_mm: f64) -> TriMesh {
     TriMesh { points: skin.points.clone(), triangles }.compacted().0
 }
 
+/// What the segmentation warns of is said at each run, in the report and in the results, with how much it saw.
+fn warnings_are_told(study: &str, out: &Path) {
+    let again =
+        Command::new(env!("CARGO_BIN_EXE_mammotwin")).args(["run", study]).output().unwrap();
+    let said = String::from_utf8_lossy(&again.stderr);
+    let report = fs::read_to_string(out.join("report.html")).unwrap();
+    let results = hdf5::Reader::open(out.join("results.h5")).unwrap();
+    for pose in ["supine", "tilted"] {
+        let warnings = results.texts(&format!("poses/{pose}/segmentation/warnings")).unwrap();
+        assert!(warnings.iter().any(|w| w.contains("do not resolve skin")), "{warnings:?}");
+        for warning in &warnings {
+            assert!(said.contains(&format!("segment:{pose}: {warning}")), "{said}");
+            assert!(report.contains(&format!("{pose}: {warning}")), "{warning}");
+        }
+        let seen: f64 = results.scalar(&format!("poses/{pose}/segmentation/wall_seen")).unwrap();
+        assert!((0.35..=1.0).contains(&seen), "{seen}");
+        assert!(report.contains(&format!("{:.0} %", 100.0 * seen)));
+    }
+}
+
+/// A surface as a binary PLY file, as scanners write it.
+fn write_ply(path: &Path, surface: &TriMesh) {
+    let [points, faces] = [surface.points.len(), surface.triangles.len()];
+    let header = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex {points}\nproperty float x\nproperty float y\n\
+         property float z\nelement face {faces}\nproperty list uchar int vertex_indices\nend_header\n"
+    );
+    let mut bytes = header.into_bytes();
+    for p in &surface.points {
+        p.iter().for_each(|x| bytes.extend((*x as f32).to_le_bytes()));
+    }
+    for corners in &surface.triangles {
+        bytes.push(3);
+        corners.iter().for_each(|n| bytes.extend(n.to_le_bytes()));
+    }
+    fs::write(path, bytes).unwrap();
+}
+
 /// The tilted pose as a scan in metres in a frame of its own. With marks on what does not slide the model is as far from it as
 /// from the image; marks on the skin, which slides over the chest, put it millimetres elsewhere.
 #[test]
@@ -62,6 +100,7 @@ fn a_scan_may_stand_for_an_image() {
     let (poses, _) = text.split_once("[compress]").unwrap();
     fs::write(&study, poses).unwrap();
     mammotwin(&["run", &file]);
+    warnings_are_told(&file, &at("out"));
     let (imaged, moved) = (tilted(folder.path()), motion(folder.path()));
 
     let place = RigidTransform {
@@ -120,6 +159,18 @@ fn a_scan_may_stand_for_an_image() {
     for (image, scan) in imaged.iter().zip(found) {
         assert!((image - scan).abs() < 0.1, "image {imaged:?}, scan {found:?}");
     }
+    // The same as a PLY file: the same scan, but for the rounding of an STL file, which joins corners anew.
+    write_ply(&at("tilted.ply"), &scan);
+    let of_stl = fs::read_to_string(&study).unwrap();
+    fs::write(&study, of_stl.replace("tilted.stl", "tilted.ply")).unwrap();
+    assert!(mammotwin(&["check", &file]).contains("triangles over"));
+    mammotwin(&["run", &file]);
+    let as_ply = tilted(folder.path());
+    println!("as a PLY file {as_ply:.4?}, as an STL file {found:.4?} mm");
+    for (ply, stl) in as_ply.iter().zip(found) {
+        assert!((ply - stl).abs() < 1e-3, "{as_ply:?} {found:?}");
+    }
+    fs::write(&study, of_stl).unwrap();
     mark(&sliding);
     mammotwin(&["run", &file]);
     let off = motion(folder.path()).point(&place.point(&known_place));

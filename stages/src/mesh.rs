@@ -152,9 +152,10 @@ impl Limits {
                 )));
             }
         }
-        let [_, _, step_z] = labels.grid.spacing_mm();
-        let (inferior, superior) = occupied(&along_z, step_z);
-        let (lateral, _) = occupied(&along_y, step_z);
+        let grid = &labels.grid;
+        let step = |world: usize| grid.spacing_mm()[grid.axis_along(world)];
+        let (inferior, superior) = occupied(&along_z, step(2));
+        let (lateral, _) = occupied(&along_y, step(1));
         Ok(Self {
             superior_mm: superior,
             inferior_mm: inferior,
@@ -164,20 +165,23 @@ impl Limits {
     }
 }
 
-/// First and last layer (of thickness `step`) that holds a fair number of the values.
-fn occupied(values: &[f64], step: f64) -> (f64, f64) {
-    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let mut counts = vec![0usize; ((high - low) / step) as usize + 1];
-    for v in values {
-        counts[((v - low) / step) as usize] += 1;
+/// Lower end of the first and upper end of the last layer of voxels that holds a fair number of centres, given the
+/// centres along an axis and the thickness of a layer (mm).
+fn occupied(centers: &[f64], step: f64) -> (f64, f64) {
+    let low = centers.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = centers.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    // Each layer has its centres in its middle: rounding does not move one to the next.
+    let layer = |center: f64| ((center - low) / step).round() as usize;
+    let mut counts = vec![0usize; layer(high) + 1];
+    for center in centers {
+        counts[layer(*center)] += 1;
     }
     let mut filled: Vec<usize> = counts.iter().copied().filter(|&n| n > 0).collect();
     filled.sort_unstable();
     let enough = THIN_LAYER * filled.get(filled.len() / 2).copied().unwrap_or(0) as f64;
     let first = counts.iter().position(|&n| n as f64 >= enough).unwrap_or(0);
     let last = counts.iter().rposition(|&n| n as f64 >= enough).unwrap_or(0);
-    (low + first as f64 * step, low + (last as f64 + 1.0) * step)
+    (low + (first as f64 - 0.5) * step, low + (last as f64 + 0.5) * step)
 }
 
 fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
@@ -264,7 +268,7 @@ fn corners(grid: &Grid) -> (Vec3, Vec3) {
 
 impl Stage for Mesh {
     const NAME: &'static str = "mesh";
-    const VERSION: u32 = 5;
+    const VERSION: u32 = 6;
     const METHODS: &'static str = "The tissue between skin, pectoral muscle and the breast limits was filled with \
          tetrahedra by clipping a body-centred lattice on smooth signed distance fields \
          (after Labelle and Shewchuk, ACM Trans. Graph. 26 (2007) 57).";
@@ -332,6 +336,7 @@ impl Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mammotwin_data::Mat3;
 
     /// Skin at z = 0, the wall 1 mm under it on the left and 30 mm on the right.
     #[test]
@@ -351,6 +356,42 @@ mod tests {
                 assert!((f64::from(wall.values[n]) - (p.z + 6.0)).abs() < 1e-3, "{p}");
             } else {
                 assert_eq!(wall.values[n], before.values[n]);
+            }
+        }
+    }
+
+    /// Breasts that end between voxels of 1 x 2 x 3.3 mm, whichever way these are stored.
+    #[test]
+    fn limits_lie_between_voxels_in_any_order_of_storage() {
+        let origin = Vec3::new(-19.5, -7.0, 11.0);
+        let ras = Grid::aligned([40, 30, 20], [1.0, 2.0, 3.3], origin);
+        let columns = [0, 1, 2].map(|axis| ras.axes.column(axis).into_owned());
+        let pir = Grid {
+            shape: [30, 20, 40],
+            axes: Mat3::from_columns(&[-columns[1], -columns[2], columns[0]]),
+            origin: ras.center([0, 29, 19]),
+        };
+        let [lateral, inferior, superior] =
+            [origin.y + 7.5 * 2.0, origin.z + 3.5 * 3.3, origin.z + 15.5 * 3.3];
+        for grid in [ras, pir] {
+            let tissue = |n| {
+                let p = grid.center(grid.voxel(n));
+                match (p.y > lateral && p.z > inferior && p.z < superior, p.x > 0.0) {
+                    (false, _) => Tissue::Other,
+                    (true, true) => Tissue::AdiposeRight,
+                    (true, false) => Tissue::AdiposeLeft,
+                }
+            };
+            let labels = Volume { values: (0..grid.len()).map(tissue).collect(), grid };
+            let found = Limits::of(&labels).unwrap();
+            println!("{found:?}; true {lateral} {inferior} {superior}");
+            for (found, known) in [
+                (found.lateral_mm, lateral),
+                (found.inferior_mm, inferior),
+                (found.superior_mm, superior),
+                (found.sternum_mm, 0.0),
+            ] {
+                assert!((found - known).abs() < 1e-9, "{found} for {known}");
             }
         }
     }

@@ -8,7 +8,9 @@ mod poses;
 pub use compression::Picture;
 pub use poses::{DRAWS, PoseResult};
 
-use crate::{calibrate::Calibration, compress::Compression, measure::PoseMeasures};
+use crate::{
+    calibrate::Calibration, compress::Compression, measure::PoseMeasures, segment::Segmented,
+};
 use mammotwin_data::{
     Failure, Mat3, Vec3,
     io::hdf5::{Curve, Field, Frame, Step, Writer},
@@ -41,6 +43,8 @@ pub struct Results<'a> {
     pub poses: &'a [PoseResult<'a>],
     /// What the breasts measure in each pose, by its name.
     pub measures: &'a [(&'a str, &'a PoseMeasures)],
+    /// What the segmentation says of the labels that it made, by pose.
+    pub segmented: &'a Segmented,
     /// The compression.
     pub compression: Option<&'a Compression>,
     /// Curves, `force_thickness` among them when there was a compression.
@@ -122,6 +126,9 @@ pub fn write(path: &Path, results: &Results) -> Result<(), Failure> {
     }
     for (pose, measures) in results.measures {
         poses::put_measures(&mut file, pose, measures)?;
+    }
+    for (pose, notes) in results.segmented {
+        poses::put_segmentation(&mut file, pose, notes)?;
     }
     if let Some(found) = results.compression {
         compression::put_compression(&mut file, found)?;
@@ -306,6 +313,7 @@ mod tests {
             nipple_nodes: &[],
             poses: &[],
             measures: &[],
+            segmented: &Segmented::new(),
             compression: None,
             curves: &[],
             pictures: &[],

@@ -10,6 +10,7 @@ mod elements;
 mod force_curve;
 mod gravity_share;
 mod image_chain;
+mod images_to_mesh;
 mod interfaces;
 mod ligaments;
 mod meshes;

@@ -2,7 +2,7 @@
 
 use crate::common;
 
-use common::{field_of_view, from_zero, labels, p95_and_max, torso};
+use common::{faces_off, field_of_view, labels, p95_and_max, torso};
 use mammotwin_data::{
     Failure, Vec3,
     labels::Tissue,
@@ -93,18 +93,6 @@ fn fifty_random_anatomies_mesh_with_good_elements() {
     check_random(0..50);
 }
 
-/// Distances (mm) of a patch's faces from a zero level, at ten places of each face.
-fn faces_off(mesh: &TetMesh, patch: Patch, level: &(impl Fn(&Vec3) -> f64 + Sync)) -> Vec<f64> {
-    let thirds = (0..4).flat_map(|i| (0..4 - i).map(move |j| [i, j].map(|n| f64::from(n) / 3.0)));
-    let weights: Vec<[f64; 2]> = thirds.collect();
-    let off = |face: &[u32; 3]| {
-        let [a, b, c] = face.map(|n| mesh.points[n as usize]);
-        let at = |[u, v]: &[f64; 2]| a * (1.0 - u - v) + b * *u + c * *v;
-        weights.iter().map(|weight| from_zero(level, &at(weight)).0).collect::<Vec<_>>()
-    };
-    mesh.patch(patch).par_iter().flat_map_iter(off).collect()
-}
-
 /// The zero level of a function as a fine surface, around the breasts.
 fn fine(torso: &Torso, level: &(impl Fn(&Vec3) -> f64 + Sync)) -> TriMesh {
     const SPACING_MM: f64 = 2.0;
@@ -115,6 +103,48 @@ fn fine(torso: &Torso, level: &(impl Fn(&Vec3) -> f64 + Sync)) -> TriMesh {
     let value = |n: usize| level(&grid.center(grid.voxel(n))) as f32;
     let values = (0..grid.len()).into_par_iter().map(value).collect();
     surface(&Volume { grid, values })
+}
+
+/// Elements of 3, 8 and 15 mm: as many as tetrahedra of the lattice fill the body, and all good. A mesh has one
+/// size everywhere; grading it is not offered.
+#[test]
+fn meshes_of_3_to_15_mm_have_the_elements_of_their_size() {
+    let torso = torso("tiny", 3);
+    let labels = labels(&torso, &field_of_view(&torso, [2.0; 3]));
+    for size_mm in [15.0, 8.0, 3.0] {
+        let found =
+            Mesh(MeshPlan { size_mm, ..MeshPlan::default() }).run(&labels, &Silent).unwrap();
+        let s = found.quality.summary;
+        let mesh = &found.mesh;
+        let volume: f64 = mesh.tets.iter().map(|tet| TetMesh::tet_volume(&mesh.points, tet)).sum();
+        // Twelve tetrahedra fill a cell, whose edge is 1.098 of their mean edge.
+        let wanted = 12.0 * volume / (1.098 * size_mm).powi(3);
+        let edges: Vec<f64> = mesh
+            .tets
+            .iter()
+            .flat_map(|t| [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]].map(|e| e.map(|n| t[n])))
+            .map(|[a, b]| (mesh.points[a as usize] - mesh.points[b as usize]).norm())
+            .collect();
+        let mean = edges.iter().sum::<f64>() / edges.len() as f64;
+        println!(
+            "{size_mm} mm: {} tetrahedra ({:.2} of the lattice's), mean edge {mean:.2} mm, skewness {:.3}, \
+             {} over 0.75, aspect ratio {:.2}, {:.1} degrees, scaled Jacobian {:.2}",
+            s.tets,
+            s.tets as f64 / wanted,
+            s.max_skewness,
+            s.over_075,
+            s.max_aspect_ratio,
+            s.max_angle_deg,
+            s.min_scaled_jacobian
+        );
+        // Cut elements at the surface are smaller: the more, the thinner the body for its elements.
+        assert!((0.8..2.5).contains(&(s.tets as f64 / wanted)), "{} for {wanted}", s.tets);
+        assert!((mean / size_mm - 1.0).abs() < 0.25, "{mean}");
+        assert!(s.over_095 == 0 && (s.over_075 as f64) < 1e-3 * s.tets as f64);
+        assert!(
+            s.max_aspect_ratio < 20.0 && s.max_angle_deg < 165.0 && s.min_scaled_jacobian > 0.2
+        );
+    }
 }
 
 /// Distances (mm) between a patch and the surface that it was made of: of its faces from the surface, then

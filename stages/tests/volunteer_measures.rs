@@ -1,6 +1,8 @@
 //! What is measured of a breast against the digital volunteer, whose skin, nipple and gland are known:
 //! stress-free, on voxels of 1 mm, from her true labels.
 
+use crate::common::as_pir;
+
 use mammotwin_data::{
     Vec3,
     io::nifti::{self, Version},
@@ -188,21 +190,6 @@ fn skin_of_poses_comes_near_that_of_the_volunteer() {
         }
         assert!(count > 1000.0 && mean.abs() < 0.1 && rms < 0.25);
     }
-}
-
-/// The same labels as posterior-inferior-right (PIR): -y, -z, +x.
-fn as_pir(labels: &LabelMap) -> LabelMap {
-    let old = &labels.grid;
-    let [ni, nj, nk] = old.shape;
-    let back = |[a, b, c]: [usize; 3]| [c, nj - 1 - a, nk - 1 - b];
-    let mut grid = old.clone();
-    grid.shape = [nj, nk, ni];
-    grid.origin = old.center(back([0; 3]));
-    grid.axes.set_column(0, &-old.axes.column(1));
-    grid.axes.set_column(1, &-old.axes.column(2));
-    grid.axes.set_column(2, &old.axes.column(0));
-    let values = (0..grid.len()).map(|n| labels.at(back(grid.voxel(n)))).collect();
-    Volume { grid, values }
 }
 
 /// Finished labels of another program: other numbers, sides not told, 16 bit, sagittal slices.

@@ -1,8 +1,8 @@
 """Rigid motion of a digital volunteer between two poses beside SimpleITK's: the same images, mask and threads.
 
-Her chest wall stays as it is, so that the motion is known exactly; the breasts move. Times are of the processor: other work on the
-machine is not theirs. Slow: MAMMOTWIN_SLOW=1. MAMMOTWIN names the program; without it the one that was built in this
-repository is taken.
+Once her chest wall stays as it is, so that the motion is known exactly; once it changes, as that of a person does. The breasts move.
+Times are of the processor: other work on the machine is not theirs. Slow: MAMMOTWIN_SLOW=1. MAMMOTWIN names the program; without it
+the one that was built in this repository is taken.
 """
 
 import json
@@ -29,18 +29,19 @@ LPS = np.diag([-1.0, -1.0, 1.0])
 pytestmark = pytest.mark.skipif(not os.environ.get("MAMMOTWIN_SLOW"), reason="minutes; ask for it by MAMMOTWIN_SLOW=1")
 
 
-@pytest.fixture(scope="module")
-def volunteer(tmp_path_factory):
-    """Folder of a volunteer without landmarks, whose poses are registered."""
+@pytest.fixture(scope="module", params=["still", "changing"])
+def volunteer(request, tmp_path_factory):
+    """How the wall of a volunteer without landmarks behaves, and her folder; her poses are registered."""
     if not PROGRAM.exists():
         pytest.skip("no program: build it, or set MAMMOTWIN")
     folder = tmp_path_factory.mktemp("volunteer")
-    made = ["synth", "--preset", "tiny", "--seed", "41", "--voxel-mm", VOXEL_MM, "--still", "--poses", ",".join(POSES)]
+    made = ["synth", "--preset", "tiny", "--seed", "41", "--voxel-mm", VOXEL_MM, "--poses", ",".join(POSES)]
+    made += ["--still"] if request.param == "still" else []
     subprocess.run([PROGRAM, "--quiet", *made, "--out", folder], check=True)
     study = folder / "study.toml"
     study.write_text(re.sub(r"(?m)^landmarks = .*\n", "", study.read_text()))
     ours(folder, "--until", "register")
-    return folder
+    return request.param, folder
 
 
 def ours(folder, *arguments):
@@ -132,20 +133,27 @@ def off_by_some_mm():
     return off
 
 
+#: Ours may be farther from the truth than SimpleITK by so much (mm): the rigid motion of a still wall, ...
+MARGIN_MM = 0.02
+#: ... and what a run delivers there, which may change the wall although it does not.
+CHANGE_MARGIN_MM = 0.25
+
+
 def test_motions_are_as_accurate_as_those_of_simpleitk_at_half_the_time(volunteer):
     """Ours without a start and with the reading of all files, theirs from a near start and in memory."""
+    wall_is, folder = volunteer
     sitk.ProcessObject.SetGlobalDefaultNumberOfThreads(THREADS)
-    exact = json.loads((volunteer / "truth/truth.json").read_text())["poses"]
-    read = lambda name: sitk.ReadImage(str(volunteer / name), sitk.sitkFloat32)  # noqa: E731
+    exact = json.loads((folder / "truth/truth.json").read_text())["poses"]
+    read = lambda name: sitk.ReadImage(str(folder / name), sitk.sitkFloat32)  # noqa: E731
     fixed = read("supine.nii.gz")
-    mask, points = wall(sitk.ReadImage(str(volunteer / "out/labels/supine.nii.gz")))
-    seconds = {stage: min(ours(volunteer, "--only", stage) for _ in range(2)) for stage in ("align", "register")}
-    print(f"ours, both poses: rigid motion from any start {seconds['align']:.1f} s, all stages after it {seconds['register']:.1f} s")
-    others, found = {}, {}
+    mask, points = wall(sitk.ReadImage(str(folder / "out/labels/supine.nii.gz")))
+    seconds = {stage: min(ours(folder, "--only", stage) for _ in range(2)) for stage in ("align", "register")}
+    print(f"{wall_is} wall; ours, both poses: rigid motion from any start {seconds['align']:.1f} s, register {seconds['register']:.1f} s")
+    others, rigid, delivered = {}, {}, {}
     for pose in POSES:
         truth, moving = motion(exact[pose]["to_common"]), read(f"{pose}.nii.gz")
-        found[pose], changed = [error_mm(of_stage(volunteer, stage, pose), truth, points) for stage in ("align", "register")]
-        print(f"{pose}: rigid {found[pose]:.3f} mm, as a wall that may change {changed:.3f} mm")
+        rigid[pose], delivered[pose] = [error_mm(of_stage(folder, stage, pose), truth, points) for stage in ("align", "register")]
+        print(f"{pose}: rigid {rigid[pose]:.3f} mm, as a run delivers it {delivered[pose]:.3f} mm")
         start = off_by_some_mm() @ truth
         for share in (1.0, 0.2):
             for metric in ("correlation", "mutual information"):
@@ -153,9 +161,17 @@ def test_motions_are_as_accurate_as_those_of_simpleitk_at_half_the_time(voluntee
                 error = error_mm(motion_, truth, points)
                 others.setdefault((metric, share), []).append((error, spent))
                 print(f"    SimpleITK, {metric}, {share:.0%} of the points: {error:.3f} mm, {spent:.1f} s")
-        assert found[pose] < 0.1
     for (metric, share), told in others.items():
-        for pose, (error, _) in zip(POSES, told, strict=True):
-            # Below a tenth of a voxel either counts as exact.
-            assert found[pose] <= max(error, 0.1 * float(VOXEL_MM)), (metric, share, pose)
-        assert 2 * seconds["align"] <= sum(spent for _, spent in told), (metric, share)
+        way = f"{metric}, {share:.0%} of the points"
+        errors = [error for error, _ in told]
+        spent = sum(spent for _, spent in told)
+        assert 2 * seconds["align"] <= spent, way
+        # The whole of a run's registration, beside the same points.
+        assert share < 1 or seconds["align"] + seconds["register"] <= spent, way
+        if wall_is == "still":
+            for pose, error in zip(POSES, errors, strict=True):
+                assert rigid[pose] <= error + MARGIN_MM, (way, pose)
+                assert delivered[pose] <= error + CHANGE_MARGIN_MM, (way, pose)
+        else:
+            # What a change of the wall does to a rigid motion differs from pose to pose: their mean.
+            assert np.mean(list(delivered.values())) < np.mean(errors), way

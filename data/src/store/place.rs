@@ -24,7 +24,7 @@ pub(super) struct Slot {
 }
 
 /// What lies there.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) enum Found {
     Fresh(Record),
     Missing,

@@ -4,7 +4,7 @@
 //! killed anywhere on the way leaves a folder that nobody takes for a result.
 
 use super::{
-    Artifact, Key, Record,
+    Artifact, Key, Notes, Record,
     hashes::hash_file,
     place::Slot,
     record::{FailedRecord, now_ms},
@@ -17,11 +17,12 @@ use std::{
     path::Path,
 };
 
-/// What the computation cost, and from what.
+/// What the computation cost, from what, and what it says.
 pub(super) struct Cost {
     pub wall_ms: u64,
     pub peak_memory_bytes: u64,
     pub inputs: BTreeMap<String, String>,
+    pub notes: Notes,
 }
 
 /// Publishes `output` in `slot`; the caller holds the lock of the slot.
@@ -65,6 +66,7 @@ fn write_aside<T: Artifact>(
         peak_memory_bytes: cost.peak_memory_bytes,
         finished_unix_ms: now_ms(),
         inputs: cost.inputs,
+        notes: cost.notes,
         check: String::new(),
     };
     write_synced(&part.join("key.json"), key.text.as_bytes()).map_err(failed)?;

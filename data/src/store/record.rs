@@ -2,8 +2,25 @@
 
 use std::{collections::BTreeMap, time::SystemTime};
 
+/// What a stage says of its result.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Notes {
+    /// What somebody should look at.
+    pub warnings: Vec<String>,
+    /// How far the result is to be trusted, by name.
+    pub values: BTreeMap<String, f64>,
+}
+
+impl Notes {
+    /// Whether nothing was said.
+    pub fn is_empty(&self) -> bool {
+        self.warnings.is_empty() && self.values.is_empty()
+    }
+}
+
 /// The content of `record.json`.
-#[derive(Debug, Clone, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Record {
     /// Name of the result's file.
@@ -20,6 +37,9 @@ pub struct Record {
     pub finished_unix_ms: u64,
     /// Names of the inputs by position.
     pub inputs: BTreeMap<String, String>,
+    /// What the stage says of the result; equal for equal inputs.
+    #[serde(default, skip_serializing_if = "Notes::is_empty")]
+    pub notes: Notes,
     /// BLAKE3 of this record with an empty `check`.
     pub check: String,
 }

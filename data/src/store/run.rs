@@ -1,7 +1,7 @@
 //! One pass over the graph: the calls that the pipeline function makes.
 
 use super::{
-    Artifact, Inputs, Key, Record, Selection, Source, Stage, Store, Stored, Wait, lock,
+    Artifact, Inputs, Key, Notes, Record, Selection, Source, Stage, Store, Stored, Wait, lock,
     place::{Found, Slot},
     publish,
     record::{now_ms, peak_memory_bytes, reset_peak_memory},
@@ -129,6 +129,13 @@ pub enum Event<'a> {
         /// What is wrong with it.
         why: &'a str,
     },
+    /// A stage warns of its result, which was computed now or before.
+    Warned {
+        /// Instance.
+        instance: &'a str,
+        /// What it says.
+        warning: &'a str,
+    },
     /// Another process computes the same result.
     Waiting {
         /// Instance.
@@ -188,11 +195,26 @@ pub struct Run<'a> {
 struct Reporter<'a> {
     listener: &'a dyn Listener,
     instance: &'a str,
+    notes: Mutex<Notes>,
+}
+
+impl Reporter<'_> {
+    fn notes(&self) -> std::sync::MutexGuard<'_, Notes> {
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl Progress for Reporter<'_> {
     fn report(&self, fraction: f64, doing: &str) {
         self.listener.on(&Event::Progress { instance: self.instance, fraction, doing });
+    }
+
+    fn warn(&self, warning: &str) {
+        self.notes().warnings.push(warning.into());
+    }
+
+    fn note(&self, name: &str, value: f64) {
+        self.notes().values.insert(name.into(), value);
     }
 }
 
@@ -326,6 +348,7 @@ impl Run<'_> {
         if self.mode == Mode::Plan || (fresh && !anew) || !self.selection.allows(&entry.instance) {
             if fresh && self.mode == Mode::Execute {
                 self.listener.on(&Event::Reused { instance: &entry.instance });
+                self.repeat_warnings(entry);
             }
             return Ok(self.handle(entry, &slot));
         }
@@ -361,7 +384,16 @@ impl Run<'_> {
             }
         }
         drop(held);
+        self.repeat_warnings(entry);
         Ok(self.handle(entry, &slot))
+    }
+
+    /// Tells what the stage warned of when it was computed.
+    fn repeat_warnings(&self, entry: &Entry) {
+        let instance = &entry.instance;
+        for warning in entry.record.iter().flat_map(|record| &record.notes.warnings) {
+            self.listener.on(&Event::Warned { instance, warning });
+        }
     }
 
     fn handle<T>(&self, entry: &Entry, slot: &Slot) -> Stored<T> {
@@ -394,7 +426,8 @@ impl Run<'_> {
         self.listener.on(&Event::Started { instance, number, total: self.total.max(number) });
         reset_peak_memory();
         let clock = Instant::now();
-        let reporter = Reporter { listener: self.listener, instance };
+        let notes = Mutex::default();
+        let reporter = Reporter { listener: self.listener, instance, notes };
         let failed = |failure: Failure| {
             self.listener.on(&Event::Failed { instance });
             failure.within(instance)
@@ -406,6 +439,7 @@ impl Run<'_> {
                 wall_ms: clock.elapsed().as_millis() as u64,
                 peak_memory_bytes: peak_memory_bytes(),
                 inputs: inputs.collect(),
+                notes: reporter.notes().clone(),
             };
             publish::publish(slot, key, &output, cost)
         });

@@ -1,8 +1,8 @@
 //! What is computed again, and what is not.
 
 use crate::toy::{Study, computed, entry};
-use mammotwin_data::store::State;
-use std::fs;
+use mammotwin_data::store::{Event, Listener, State};
+use std::{fs, sync::Mutex};
 
 const ALL: [&str; 4] = ["segment:prone", "segment:supine", "join", "measure"];
 
@@ -64,4 +64,33 @@ fn a_plan_writes_nothing_and_knows_what_is_pending() {
         (entry(&plan, "measure").key.clone(), &entry(&plan, "measure").state),
         (None, &State::Stale)
     );
+}
+
+/// What stages warned of.
+#[derive(Default)]
+struct Warnings(Mutex<Vec<String>>);
+
+impl Listener for Warnings {
+    fn on(&self, event: &Event<'_>) {
+        if let Event::Warned { instance, warning } = event {
+            self.0.lock().unwrap().push(format!("{instance}: {warning}"));
+        }
+    }
+}
+
+#[test]
+fn what_a_stage_warns_of_stays_with_its_result() {
+    let study = Study::new();
+    let told = || {
+        let heard = Warnings::default();
+        study.run_with(&heard).unwrap();
+        heard.0.into_inner().unwrap()
+    };
+    fs::write(study.file("prone.txt"), "abcz").unwrap();
+    assert_eq!(told(), ["segment:prone: a z"]);
+    assert_eq!(told(), ["segment:prone: a z"], "nothing was computed");
+    let notes = entry(&study.plan(), "segment:prone").record.as_ref().unwrap().notes.clone();
+    assert_eq!((notes.warnings, notes.values["letters"]), (vec!["a z".to_owned()], 4.0));
+    fs::write(study.file("prone.txt"), "abc").unwrap();
+    assert_eq!(told(), [""; 0]);
 }

@@ -55,6 +55,10 @@ impl Stage for Segment {
     type Output = Text;
     fn run(&self, scan: &Text, progress: &dyn Progress) -> Result<Text, Failure> {
         progress.report(0.5, "thresholding");
+        progress.note("letters", scan.0.len() as f64);
+        if scan.0.contains('z') {
+            progress.warn("a z");
+        }
         Ok(Text(scan.0.chars().filter(|c| *c >= self.threshold).collect()))
     }
 }

@@ -25,13 +25,14 @@ const FIGURES: [Figure; 5] = [
 ];
 
 /// What else the tables show.
-const OTHERS: [(&str, Of); 7] = [
+const OTHERS: [(&str, Of); 8] = [
     ("Dice, breast between true limits", |m| m.breast_within),
     ("Dice, breast, limits moving with the tissue", |m| m.breast_material),
     ("Dice, chest wall", |m| m.chest_wall),
     ("skin, mean (mm)", |m| m.skin.mean_mm),
     ("front of the muscle, 95 % (mm)", |m| m.front.p95_mm),
     ("front of the muscle, mean (mm)", |m| m.front.mean_mm),
+    ("rear of the muscle, 95 % (mm)", |m| m.rear.p95_mm),
     ("rear of the muscle, mean (mm)", |m| m.rear.mean_mm),
 ];
 

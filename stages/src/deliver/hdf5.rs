@@ -13,6 +13,7 @@ use crate::{
     quality::{Metrics, PictureRegions},
     register::Registered,
     results::{self, Picture, PoseResult, Provenance, Results, State},
+    segment::Segmented,
     validate::Validation,
 };
 use mammotwin_data::{
@@ -35,6 +36,8 @@ pub struct Deliver {
     pub moving: Vec<String>,
     /// Names of all poses, in the order of their measures.
     pub measured: Vec<String>,
+    /// What the segmentation says of its labels.
+    pub segmented: Segmented,
     /// Version and stages that made the results.
     pub provenance: Provenance,
 }
@@ -43,7 +46,7 @@ bytes_artifact!("The bytes of `results.h5`.", ResultsFile, "h5");
 
 impl Stage for Deliver {
     const NAME: &'static str = "results";
-    const VERSION: u32 = 9;
+    const VERSION: u32 = 10;
     const METHODS: &'static str = "";
     type Input = (
         BreastMesh,
@@ -126,6 +129,7 @@ impl Stage for Deliver {
             nipple_nodes: &mesh.nipple_nodes(),
             poses: &poses,
             measures: &measured,
+            segmented: &self.segmented,
             compression: compression.as_ref(),
             curves: &curves,
             pictures: &pictures,

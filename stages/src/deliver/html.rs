@@ -23,7 +23,7 @@ use crate::{
     register::Registered,
     report::{self, ReportInput},
     results::Provenance,
-    segment,
+    segment::{self, Segmented},
     stiffer::Deviations,
     surface,
     surface::PoseSurfaces,
@@ -42,6 +42,8 @@ pub struct Report {
     pub poses: Vec<String>,
     /// What a reader must know first.
     pub warnings: Vec<String>,
+    /// What the segmentation says of its labels.
+    pub segmented: Segmented,
     /// Tissues and supports.
     pub model: ModelPlan,
     /// Study keys of what was fitted.
@@ -75,10 +77,13 @@ impl Stage for Report {
         let (mesh, calibration, validations, fiducials) = mechanics;
         let (compression, phantom, mammograms, metrics) = squeezed;
         progress.report(0.1, "images");
+        let told = self.segmented.iter();
+        let told = told.flat_map(|(pose, notes)| notes.warnings.iter().map(move |w| (pose, w)));
+        let told = told.map(|(pose, warning)| format!("{pose}: {warning}"));
         let mut input = ReportInput {
             subject: self.subject.clone(),
-            warnings: self.warnings.clone(),
-            poses: sections::poses(&self.poses, images),
+            warnings: self.warnings.iter().cloned().chain(told).collect(),
+            poses: sections::poses(&self.poses, images, &self.segmented),
             mesh: Some(sections::mesh(mesh)),
             calibration: Some(sections::calibration(mesh, calibration)),
             validations: validations.iter().map(|v| sections::validation(mesh, v)).collect(),

@@ -17,6 +17,7 @@ use crate::{
         palette::Palette,
         surface::Camera,
     },
+    segment::{REAR_SEEN, Segmented, WALL_SEEN},
     validate::Validation,
     wall_distance,
 };
@@ -29,7 +30,7 @@ use mammotwin_data::{
 const DISTANCE_RANGE_MM: [f64; 2] = [-5.0, 5.0];
 
 /// Images and what became of them.
-pub fn poses(names: &[String], images: &Images) -> Vec<PoseReport> {
+pub fn poses(names: &[String], images: &Images, segmented: &Segmented) -> Vec<PoseReport> {
     let (pictures, surfaces, measures, registered) = images;
     let mut reports = Vec::new();
     for (n, (name, picture)) in names.iter().zip(pictures).enumerate() {
@@ -40,6 +41,16 @@ pub fn poses(names: &[String], images: &Images) -> Vec<PoseReport> {
         };
         if let Some(found) = measures.get(n) {
             (report.facts, report.skin) = measured::section(found);
+        }
+        let seen = segmented.get(name).map(|notes| &notes.values);
+        for (note, words) in [
+            (WALL_SEEN, "Chest wall seen behind the breasts"),
+            (REAR_SEEN, "Rear of the muscle seen"),
+        ] {
+            let share = seen.and_then(|values| values.get(note));
+            report
+                .facts
+                .extend(share.map(|share| Fact::new(words, format!("{:.0} %", 100.0 * share))));
         }
         let moving = n.checked_sub(1).and_then(|m| registered.get(m));
         if let (Some(moving), Some(own), Some(fixed)) = (moving, surfaces.get(n), surfaces.first())

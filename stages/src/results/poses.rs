@@ -8,8 +8,11 @@ use crate::{
     model::Moduli,
     pose::PoseFit,
     register::Registered,
+    segment::{REAR_SEEN, WALL_SEEN},
 };
-use mammotwin_data::{Failure, Vec3, io::hdf5::Writer, mesh::TetMesh, study::Use, units::DEGREE};
+use mammotwin_data::{
+    Failure, Vec3, io::hdf5::Writer, mesh::TetMesh, store::Notes, study::Use, units::DEGREE,
+};
 
 /// One pose of the study.
 #[derive(Debug, Clone, Copy)]
@@ -111,6 +114,23 @@ pub fn put_measures(file: &mut Writer, pose: &str, measures: &PoseMeasures) -> R
     file.put(&format!("{group}/thickness_mm"), &measures.skin_mm, "mm", long_name)?;
     file.attribute(&group, "long_name", "Skin on which a thickness was told")?;
     Ok(())
+}
+
+/// Writes `/poses/NAME/segmentation`: what the segmentation says of its labels.
+pub fn put_segmentation(file: &mut Writer, pose: &str, notes: &Notes) -> Result<(), Failure> {
+    let at = |name: &str| format!("poses/{pose}/segmentation/{name}");
+    for (name, long_name) in [
+        (
+            WALL_SEEN,
+            "Part of the chest wall behind the breasts on which fat and muscle were told apart",
+        ),
+        (REAR_SEEN, "Part of the chest wall on which the rear of the muscle was seen"),
+    ] {
+        if let Some(&value) = notes.values.get(name) {
+            file.put_scalar(&at(name), value, "1", long_name)?;
+        }
+    }
+    Ok(file.put_texts(&at("warnings"), &notes.warnings, "What somebody should look at")?)
 }
 
 fn put_breast(file: &mut Writer, group: &str, one: &SideMeasures) -> Result<(), Failure> {

@@ -3,6 +3,7 @@
 use mammotwin_data::{
     Vec3,
     labels::{LabelMap, Side, Tissue},
+    mesh::{Patch, TetMesh},
     volume::{Grid, Volume},
 };
 use mammotwin_stages::volunteer::{Preset, Torso};
@@ -53,6 +54,21 @@ fn covering(low: Vec3, high: Vec3, voxel_mm: [f64; 3]) -> Grid {
     Grid::aligned([count(0), count(1), count(2)], voxel_mm, low)
 }
 
+/// The same image as posterior-inferior-right (PIR): -y, -z, +x.
+pub fn as_pir<T: Copy>(image: &Volume<T>) -> Volume<T> {
+    let old = &image.grid;
+    let [ni, nj, nk] = old.shape;
+    let back = |[a, b, c]: [usize; 3]| [c, nj - 1 - a, nk - 1 - b];
+    let mut grid = old.clone();
+    grid.shape = [nj, nk, ni];
+    grid.origin = old.center(back([0; 3]));
+    grid.axes.set_column(0, &-old.axes.column(1));
+    grid.axes.set_column(1, &-old.axes.column(2));
+    grid.axes.set_column(2, &old.axes.column(0));
+    let values = (0..grid.len()).map(|n| image.at(back(grid.voxel(n)))).collect();
+    Volume { grid, values }
+}
+
 fn gradient(function: impl Fn(&Vec3) -> f64, p: &Vec3) -> Vec3 {
     const STEP_MM: f64 = 1e-3;
     Vec3::from_fn(|axis, _| {
@@ -75,6 +91,18 @@ pub fn from_zero(function: impl Fn(&Vec3) -> f64, p: &Vec3) -> (f64, Vec3) {
         foot = on + 0.7 * along;
     }
     ((p - foot).dot(&normal), normal)
+}
+
+/// Distances (mm) of a patch's faces from a zero level, at ten places of each face.
+pub fn faces_off(mesh: &TetMesh, patch: Patch, level: &(impl Fn(&Vec3) -> f64 + Sync)) -> Vec<f64> {
+    let thirds = (0..4).flat_map(|i| (0..4 - i).map(move |j| [i, j].map(|n| f64::from(n) / 3.0)));
+    let weights: Vec<[f64; 2]> = thirds.collect();
+    let off = |face: &[u32; 3]| {
+        let [a, b, c] = face.map(|n| mesh.points[n as usize]);
+        let at = |[u, v]: &[f64; 2]| a * (1.0 - u - v) + b * *u + c * *v;
+        weights.iter().map(|weight| from_zero(level, &at(weight)).0).collect::<Vec<_>>()
+    };
+    mesh.patch(patch).par_iter().flat_map_iter(off).collect()
 }
 
 /// What 95 % of the sizes do not exceed, and the largest.

@@ -32,34 +32,36 @@ pub fn chest_wall_mask(labels: &LabelMap, behind_mm: f64, ahead_mm: f64) -> Volu
 }
 
 /// Where the breasts rest on the chest wall: centres (mm) of the voxels of muscle beside soft
-/// tissue, in the slices that show a breast. Beside any tissue of the chest wall where no muscle
-/// is labelled.
+/// tissue, in the axial slices that show a breast; beside it in the slice, not above or below.
+/// Beside any tissue of the chest wall where no muscle is labelled. Slices are across the axis of
+/// storage that runs most along the body, so the order of storage changes the order alone.
 pub fn chest_wall_front(labels: &LabelMap) -> Vec<Vec3> {
-    let grid = &labels.grid;
-    let [ni, nj, _] = grid.shape;
+    let Volume { grid, values } = labels;
     let is_muscle = |tissue: Tissue| tissue == Tissue::PectoralMuscle;
-    let no_muscle = !labels.values.iter().any(|t| is_muscle(*t));
+    let no_muscle = !values.iter().any(|t| is_muscle(*t));
     let is_wall = |tissue: Tissue| is_muscle(tissue) || (no_muscle && tissue.is_chest_wall());
     let soft = |tissue: Tissue| tissue != Tissue::Background && !tissue.is_chest_wall();
     // Skin shows through a breast's limit; what is under it does not.
-    let breast = |tissue: &Tissue| tissue.is_breast() && *tissue != Tissue::Skin;
-    let of_slice = |(k, here): (usize, &[Tissue])| -> Vec<Vec3> {
-        if !here.iter().any(breast) {
-            return Vec::new();
-        }
-        let beside_soft = |i: usize, j: usize| {
-            let n = j * ni + i;
-            let beside = [(i > 0, n.wrapping_sub(1)), (i + 1 < ni, n + 1)];
-            let along_j = [(j > 0, n.wrapping_sub(ni)), (j + 1 < nj, n + ni)];
-            beside.into_iter().chain(along_j).any(|(held, m)| held && soft(here[m]))
-        };
-        let of_row = |j: usize| {
-            let front = move |i: &usize| is_wall(here[j * ni + i]) && beside_soft(*i, j);
-            (0..ni).filter(front).map(move |i| grid.center([i, j, k]))
-        };
-        (0..nj).flat_map(of_row).collect()
+    let breast = |tissue: Tissue| tissue.is_breast() && tissue != Tissue::Skin;
+    let across = grid.axis_along(2);
+    let mut shows_breast = vec![false; grid.shape[across]];
+    for n in (0..values.len()).filter(|n| breast(values[*n])) {
+        shows_breast[grid.voxel(n)[across]] = true;
+    }
+    let [ni, nj, _] = grid.shape;
+    let steps = [1, ni, ni * nj];
+    let beside_soft = |n: usize, voxel: [usize; 3]| {
+        (0..3).filter(|axis| *axis != across).any(|axis| {
+            let (at, step) = (voxel[axis], steps[axis]);
+            (at > 0 && soft(values[n - step]))
+                || (at + 1 < grid.shape[axis] && soft(values[n + step]))
+        })
     };
-    labels.values.chunks(ni * nj).enumerate().flat_map(of_slice).collect()
+    let place = |n: usize| {
+        let voxel = grid.voxel(n);
+        (shows_breast[voxel[across]] && beside_soft(n, voxel)).then(|| grid.center(voxel))
+    };
+    (0..values.len()).filter(|n| is_wall(values[*n])).filter_map(place).collect()
 }
 
 /// Box (mm, along the world axes) of the voxels of a mask; `None` when it has none.
@@ -107,7 +109,21 @@ pub(super) fn mean(image: &Volume<f32>) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mammotwin_data::volume::Grid;
+    use mammotwin_data::{Mat3, volume::Grid};
+
+    /// The same labels in posterior-inferior-right order.
+    fn as_pir(labels: &LabelMap) -> LabelMap {
+        let [ni, nj, nk] = labels.grid.shape;
+        let [x, y, z] = [0, 1, 2].map(|axis| labels.grid.axes.column(axis).into_owned());
+        let grid = Grid {
+            shape: [nj, nk, ni],
+            axes: Mat3::from_columns(&[-y, -z, x]),
+            origin: labels.grid.center([0, nj - 1, nk - 1]),
+        };
+        let to_voxel = labels.grid.to_voxel();
+        let value = |n| labels.nearest(&to_voxel.apply(&grid.center(grid.voxel(n)))).unwrap();
+        Volume { values: (0..grid.len()).map(value).collect(), grid }
+    }
 
     #[test]
     fn the_front_is_the_muscle_beside_soft_tissue_where_there_is_breast() {
@@ -123,6 +139,9 @@ mod tests {
         let found = |labels: &LabelMap| chest_wall_front(labels);
         let muscle = vec![Vec3::new(0.0, 2.0, 0.0), Vec3::new(1.0, 4.0, 0.0)];
         assert_eq!(found(&labels), muscle);
+        let mut stored = found(&as_pir(&labels));
+        stored.sort_by(|a, b| a.x.total_cmp(&b.x));
+        assert_eq!(stored, muscle, "another order of storage");
         labels.values.iter_mut().filter(|t| **t == M).for_each(|t| *t = T);
         assert_eq!(found(&labels), muscle, "no muscle: the whole chest wall");
     }

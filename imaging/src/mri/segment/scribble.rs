@@ -38,11 +38,12 @@ impl Class {
         use Tissue::*;
         Some(match tissue {
             Background => Self::Air,
-            AdiposeRight | AdiposeLeft | Other => Self::Fat,
+            AdiposeRight | AdiposeLeft => Self::Fat,
             FibroglandularRight | FibroglandularLeft => Self::Gland,
             Skin | NippleAreola => Self::Skin,
             PectoralMuscle => Self::Muscle,
-            Thorax => return None,
+            // Anything may be marked as other tissue, and behind the muscle there is bone, lung and heart.
+            Other | Thorax => return None,
         })
     }
 
@@ -207,10 +208,7 @@ impl Marks {
     /// `found`, but for what marks of gland and fat say; `brightness` in units of fat.
     pub(super) fn classes(&self, brightness: &Volume<f32>, found: Classes) -> Classes {
         let mean = |class: Class| {
-            let own = self
-                .voxels
-                .iter()
-                .filter(|mark| mark.1 != Tissue::Other && Class::of(mark.1) == Some(class));
+            let own = self.voxels.iter().filter(|mark| Class::of(mark.1) == Some(class));
             Level::of(own.map(|mark| f64::from(brightness.values[mark.0])).collect())
         };
         let (gland, fat) = (mean(Class::Gland), mean(Class::Fat));
@@ -416,5 +414,53 @@ impl Bounds {
     /// The rear of the muscle, brought between its bounds.
     pub(super) fn rear(&self, column: usize, radius: f32) -> f32 {
         radius.max(self.rear[0][column]).min(self.rear[1][column])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mammotwin_data::rigid::RigidTransform;
+
+    /// Layers of air, fat, gland and muscle whose contrast is that of fat suppression.
+    fn layers() -> (Volume<f32>, Volume<Option<Tissue>>) {
+        let grid = Grid::aligned([12, 12, 24], [2.0; 3], Vec3::zeros());
+        let layer = |n: usize| grid.voxel(n)[2] / 6;
+        let value = |n: usize| [5.0, 200.0, 1000.0, 500.0][layer(n)] + (n % 7) as f32;
+        let tissues = [
+            Tissue::Background,
+            Tissue::AdiposeRight,
+            Tissue::FibroglandularRight,
+            Tissue::PectoralMuscle,
+        ];
+        let mark = |n: usize| (n % 5 == 0).then(|| tissues[layer(n)]);
+        let image = Volume { values: (0..grid.len()).map(value).collect(), grid: grid.clone() };
+        (image, Volume { values: (0..grid.len()).map(mark).collect(), grid })
+    }
+
+    /// `other` may be anything: a vessel, an arm, an implant. It is not taken for fat.
+    #[test]
+    fn marks_of_other_tissue_teach_no_brightness() {
+        let (image, marks) = layers();
+        let frame = Frame::new(&image.grid, &RigidTransform::identity()).unwrap();
+        let taught = |marks: Volume<Option<Tissue>>| {
+            let marks = Marks::new(Some(&Scribbles(marks)), &image, &frame).unwrap();
+            let classes = Classes { gland: 0.4, fat: 1.0, threshold: 0.7 };
+            let level = marks.classes(&image.map(|v| 1.0 / v), classes);
+            (marks.recoloured(&image, &frame).unwrap().unwrap(), level)
+        };
+        let (alone, level) = taught(marks.clone());
+        let mut with_other = marks;
+        let free = with_other
+            .values
+            .iter_mut()
+            .enumerate()
+            .filter(|(n, mark)| mark.is_none() && image.values[*n] > 900.0);
+        free.for_each(|(_, mark)| *mark = Some(Tissue::Other));
+        let (beside, other_level) = taught(with_other);
+        // No assert_eq: it would print all voxels.
+        assert!(alone.image == beside.image, "another contrast was learnt");
+        assert!(alone.breast == beside.breast);
+        assert_eq!(level, other_level);
     }
 }
