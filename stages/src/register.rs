@@ -23,8 +23,8 @@ use std::path::Path;
 pub(crate) const AHEAD_MM: f64 = 3.0;
 /// ... and so far behind it the ribs.
 pub(crate) const BEHIND_MM: f64 = 20.0;
-/// A mean correlation above this is of images that lie on each other. Below it they may, or may lie a rib off: T1 and
-/// T2 images of one person reach 0.65, digital volunteers 0.95, and wrong places more than the former.
+/// A mean correlation above this is taken for that of images that lie on each other. Below it they may or may not: T1
+/// and T2 images of one person reach 0.65, digital volunteers 0.95.
 const SURE: f64 = 0.85;
 
 /// Registers the image of a pose to the reference pose.
