@@ -276,6 +276,7 @@ fn quadratic_n(body: &Body, law: Law, goal_mm: f64) -> [f64; 2] {
         receptor_mm: -66.0,
         thickness_mm: 132.0,
         receptor_share: 0.5,
+        lift_mm: 0.0,
         step_mm: whole.step_mm,
         stops: whole.stops,
     };

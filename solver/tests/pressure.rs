@@ -174,6 +174,7 @@ fn pressures_of_flat_plates_sum_up_to_what_the_tissue_bears() {
             receptor_mm: 0.0,
             thickness_mm: 20.0,
             receptor_share: 0.0,
+            lift_mm: 0.0,
             step_mm: 2.0,
             stops: Stops::at_thickness(14.0),
         };

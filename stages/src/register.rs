@@ -23,9 +23,9 @@ use std::path::Path;
 pub(crate) const AHEAD_MM: f64 = 3.0;
 /// ... and so far behind it the ribs.
 pub(crate) const BEHIND_MM: f64 = 20.0;
-/// A mean correlation above this is taken for that of images that lie on each other. Below it they may or may not: T1
-/// and T2 images of one person reach 0.65, digital volunteers 0.95.
-const SURE: f64 = 0.85;
+/// A mean correlation above this is taken for that of images that lie on each other: T1 and T2 images of one person reach
+/// 0.65, digital volunteers 0.95. Below it they may or may not.
+const SURE: f64 = 0.6;
 
 /// Registers the image of a pose to the reference pose.
 #[derive(Debug, Clone, Serialize)]
