@@ -183,7 +183,6 @@ mod tests {
         Curve { slope: along(2, 0, 20.0), curve: DVector::zeros(2), range }
     }
 
-    /// Verifies: limit of the score with a systematic error, one effect | quantiles of the normal distribution about the error | 0.06
     #[test]
     fn a_systematic_error_shifts_the_quantile() {
         // One in a hundred on one side; on both sides 0.995 without and 0.99 with a shift.

@@ -1,7 +1,8 @@
 //! Residuals of simulated poses at material points of the skin.
 
 use crate::{
-    calibrate::Fit, mesh::BreastMesh, model::BreastBase, pose::PoseFit, shape::Shape, span::orthonormal,
+    calibrate::Fit, mesh::BreastMesh, model::BreastBase, pose::PoseFit, shape::Shape,
+    span::orthonormal,
 };
 use mammotwin_data::{
     Failure, Vec3,

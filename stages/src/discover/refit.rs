@@ -137,7 +137,8 @@ impl Refit<'_> {
             limits.small.push(self.effect(k).amplitude.small);
             limits.range = Some(signatures[k].range);
         }
-        let start = State { residual: self.whitened(&all), unknowns: none, solution: self.start.clone() };
+        let start =
+            State { residual: self.whitened(&all), unknowns: none, solution: self.start.clone() };
         let (first, jacobian) = (DVector::from_vec(first), DMatrix::from_columns(&columns));
         let End { at, jacobian, unsettled } = descend(&model, start, first, jacobian, &limits);
         let (mut amplitude, mut amplitude_sd, mut out) = (0.0, f64::NAN, 0.0);
@@ -166,7 +167,6 @@ impl Refit<'_> {
     fn whitened(&self, all: &DVector<f64>) -> DVector<f64> {
         self.whitener.whiten(&observe::part(all, self.seen, self.evidence.nodes()))
     }
-
 }
 
 /// Solutions with other logarithms of both moduli, over the start's, and an amplitude.
@@ -215,7 +215,7 @@ mod tests {
 
     #[test]
     fn what_a_study_has_of_an_effect_is_less_that_it_may_lack() {
-        let study = "schema = 1\n[subject]\nid = \"v\"\n[poses.supine]\nimage = \"s.nii\"\nposture = \"supine\"\n";
+        let study = "schema = 1\n[subject]\nid = \"v\"\n[poses.supine]\nimage = \"s.nii\"\nposture = \"supine\"\n[mesh]\nsize_mm = 9.0\n";
         let mut plan = mammotwin_data::study::parse(study).unwrap().model;
         let effect = Effect::named("limit_chain").unwrap();
         let [least, greatest] = effect.amplitude.range;

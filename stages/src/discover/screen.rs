@@ -52,7 +52,7 @@ impl Screening {
         let (rest, _) = projector.surviving(residual);
         let (unit, parts): (Vec<DVector<f64>>, Vec<f64>) = signatures
             .iter()
-            .map(|signature| projector.surviving(&signature.change(signature.reach)))
+            .map(|signature| projector.surviving(&signature.change(signature.far())))
             .map(|(left, part)| (&left / left.norm().max(f64::MIN_POSITIVE), part))
             .unzip();
         let cosines: Vec<Vec<f64>> =
@@ -138,6 +138,11 @@ mod tests {
         let two = screen(&[shown.clone(), along("skin_region", 1, 20.0)], 1.0);
         assert!(two.limit > alone.limit);
         let coarse = screen(&[shown], 2.0);
-        assert!((coarse.limit - alone.limit - 1.0).abs() < 0.05, "{} {}", coarse.limit, alone.limit);
+        assert!(
+            (coarse.limit - alone.limit - 1.0).abs() < 0.05,
+            "{} {}",
+            coarse.limit,
+            alone.limit
+        );
     }
 }

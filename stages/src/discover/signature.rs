@@ -69,6 +69,12 @@ impl Signature {
         self.course.mean.sum(1.0, bent_rate(amplitude, self.reach))
     }
 
+    /// The large amplitude, with the sign of the largest plausible one.
+    pub(super) fn far(&self) -> f64 {
+        let [least, greatest] = self.range;
+        if -least > greatest { -self.reach } else { self.reach }
+    }
+
     /// Some of the rows.
     pub(super) fn of(&self, rows: impl Fn(&DVector<f64>) -> DVector<f64>) -> Self {
         Self { course: self.course.of(&rows), ..*self }

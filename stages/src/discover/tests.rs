@@ -270,14 +270,22 @@ fn the_rival_that_the_held_out_pose_bears_out_is_told() {
     let screening = judge.screen(&known.residual);
     let fit = |effect| linear(&known, &judge.whitener, &judge.seen, &known.residual, effect);
     let (without, right) = (fit(None), fit(Some(0)));
-    // Explains the seen poses as well, by a hair better, and puts a little on the held-out one.
-    let mut wrong = Fitted { misfit: right.misfit - 0.1, ..fit(Some(2)) };
+    // Explains the seen poses as well, by a hair better; in the held-out one it puts waves beside a part of the truth.
+    let like = Fitted { misfit: right.misfit - 0.1, ..fit(Some(2)) };
     let nodes = known.nodes();
-    let held_out = without.residual.rows(nodes, nodes) + 0.02 * right.residual.rows(0, nodes);
-    wrong.residual.rows_mut(nodes, nodes).copy_from(&held_out);
-    let more = waves(&known.reference, 0, 50.0, [0.0, 0.1, 0.0]);
-    wrong.residual -= more;
-    let found = judge.judge(&screening, &without, &[(2, wrong), (0, right)]);
+    let beside = waves(&known.reference, 2, 37.0, [0.0, 0.3, 0.0]);
+    let judged = |part: f64| {
+        let mut wrong = like.clone();
+        let held_out = (1.0 - part) * &without.residual + &beside;
+        wrong.residual.rows_mut(nodes, nodes).copy_from(&held_out.rows(nodes, nodes));
+        judge.judge(&screening, &without, &[(2, wrong), (0, right.clone())])
+    };
+    // The part with which the misfit there rises by 2: its fall is a parabola of that.
+    let fall = [0.0, 0.5, 1.0].map(|part| judged(part).candidates[0].held_out.fall);
+    let curve = 2.0 * (fall[0] + fall[2] - 2.0 * fall[1]);
+    let slope = fall[2] - fall[0] - curve;
+    let under = (slope * slope - 4.0 * curve * (fall[0] + 2.0)).sqrt();
+    let found = judged((under - slope) / (2.0 * curve));
     assert_eq!(found.candidates[0].effect, "cooper_anisotropy");
     let of_held_out = found.candidates[0].held_out;
     assert!(of_held_out.fall < 0.0 && !of_held_out.refutes(), "{of_held_out:?}");

@@ -78,8 +78,12 @@ impl Meshes {
     /// This change and another one, both as means over the meshes on which the model stands with both, since the difference of
     /// two means over other meshes would be theirs; `None` where it stands with both on the own mesh alone.
     fn with(&self, other: &Self) -> Option<(Change, Change)> {
-        let both: Vec<(&DVector<f64>, &DVector<f64>)> =
-            self.there.iter().zip(&other.there).filter_map(|(a, b)| a.as_ref().zip(b.as_ref())).collect();
+        let both: Vec<(&DVector<f64>, &DVector<f64>)> = self
+            .there
+            .iter()
+            .zip(&other.there)
+            .filter_map(|(a, b)| a.as_ref().zip(b.as_ref()))
+            .collect();
         let change = |own: &DVector<f64>, there: Vec<&DVector<f64>>| {
             let all: Vec<DVector<f64>> = there.into_iter().chain([own]).cloned().collect();
             let mean = mean(&all);
@@ -165,7 +169,8 @@ impl Variation<'_> {
         let Amplitude { small, .. } = effect.amplitude;
         let [least, greatest] = plausible(self.plan, effect);
         // Less of it, where the study has nearly as much as is plausible.
-        let (sign, farthest) = if greatest > 2.0 * small { (1.0, greatest) } else { (-1.0, -least) };
+        let (sign, farthest) =
+            if greatest > 2.0 * small { (1.0, greatest) } else { (-1.0, -least) };
         let small = sign * small;
         let plan = |amplitude: f64| with_effect(self.plan, effect, amplitude);
         let own = |amplitude: f64, logs| self.own(&plan(amplitude), logs).ok();

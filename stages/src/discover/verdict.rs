@@ -304,9 +304,8 @@ impl<'a> Judge<'a> {
             }
         }
         // An effect is weighed against the moduli's own best, and against effects that may explain as much.
-        let over = |name: &str| {
-            scores.iter().any(|s| s.effect == name && s.testable && s.z > *limit)
-        };
+        let over =
+            |name: &str| scores.iter().any(|s| s.effect == name && s.testable && s.z > *limit);
         let unsettled = |c: &&Candidate| c.unsettled.is_some() && over(&c.effect);
         let unsettled = match (&without.unsettled, verdict.candidates.iter().find(unsettled)) {
             (Some(why), _) => Some(("the moduli alone", why)),
