@@ -111,6 +111,7 @@ impl Screening {
 mod tests {
     use super::*;
     use crate::{discover::budget::Whitener, effects::Effect};
+    use nalgebra::DMatrix;
 
     /// An effect that changes one of three independent residuals, by so much at an amplitude of 1.
     fn along(name: &str, row: usize, by: f64) -> Signature {
