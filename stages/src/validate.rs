@@ -10,7 +10,7 @@ use crate::{
     surface::PoseSurfaces,
 };
 use mammotwin_data::{
-    Failure,
+    Failure, Vec3,
     io::hdf5,
     progress::Progress,
     store::{Artifact, Stage},

@@ -84,8 +84,8 @@ impl Tries {
 /// change of size `systematic` that no budget knows, now along one effect, now along another: a score that it raises is normal
 /// about it, not about zero.
 ///
-/// Effects are drawn as they are searched, each with the plausible amplitude that explains most: one that bends has more
-/// directions to explain chance with than a straight one.
+/// Effects are drawn as they are searched, each with the plausible amplitude that explains most. That a change bends matters
+/// little: 0.02 for one that turns by 45 degrees.
 pub(super) fn limit(curves: &[&Curve], systematic: f64) -> f64 {
     let n = curves.len();
     if n == 0 {
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_that_bends_explains_more_of_chance_as_the_search_does() {
+    fn chance_explains_itself_as_the_search_does_with_changes_that_bend() {
         let effect = Effect::named("limit_chain").unwrap();
         let of = |a: f64| {
             let mean = along(2, 0, 10.0 * a) + along(2, 1, 10.0 * a * a);
@@ -223,9 +223,9 @@ mod tests {
                 projector.explain(&signature, &rest).best().1.sqrt() > found
             })
             .count();
-        println!("limit {found:.3}: {over} of {draws} over it; 2.326 along one direction");
         // 200 and four standard deviations of a count and of the limit's own draws.
         assert!((140..=260).contains(&over), "{over} of {draws} over {found}");
-        assert!(found > 2.36, "{found}");
+        // By 45 degrees: hardly more than along one direction (2.326).
+        assert!((found - 2.35).abs() < 0.07, "{found}");
     }
 }
