@@ -267,7 +267,7 @@ pub struct DiscoverArguments {
     #[command(flatten)]
     pub study: StudyArguments,
     /// Pose that the search does not see and that decides [default: the first with
-    /// use = \"validate\"]
+    /// use = \"validate\", as the pose must have]
     #[arg(long, value_name = "POSE")]
     pub held_out: Option<String>,
     /// Effects to look for [default: all of `mammotwin effects`]

@@ -265,12 +265,13 @@ pub fn discover(
         gravity: gravity(&reference, &study.poses[&reference])?,
         poses: names,
         reference: reference.clone(),
+        held_out: held_out.into(),
         effects: effects.iter().map(|effect| effect.name).collect(),
     };
     let first = &measured.images[&reference];
     let inputs = (&first.labels, &first.surfaces, &mesh, &calibration, &motions[..], &surfaces[..]);
     let evidence = run.stage("", &gather, inputs)?;
-    let discover = Discover { gather, held_out: held_out.into() };
+    let discover = Discover { gather };
     let discovery = run.stage("", &discover, (&evidence, inputs))?;
     run.export("discovery.h5", &discovery)?;
     Ok(Found { evidence, discovery })

@@ -30,6 +30,24 @@ pub(crate) fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
     if kept.is_empty() { DMatrix::zeros(columns.nrows(), 0) } else { DMatrix::from_columns(&kept) }
 }
 
+/// The numbers x that make |residual + columns x| least. What the columns do not tell, as the number of a column of
+/// zeros, is zero.
+pub(crate) fn least_squares(columns: &DMatrix<f64>, residual: &DVector<f64>) -> DVector<f64> {
+    let inverse = |column: f64| if column > 0.0 { 1.0 / column } else { 0.0 };
+    let lengths: Vec<f64> = columns.column_iter().map(|column| column.norm()).collect();
+    let scales = DVector::from_iterator(lengths.len(), lengths.into_iter().map(inverse));
+    let unit = columns * DMatrix::from_diagonal(&scales);
+    let eigen = (unit.transpose() * &unit).symmetric_eigen();
+    let side = unit.transpose() * residual;
+    let mut found = DVector::zeros(columns.ncols());
+    for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        if *value > FLAT {
+            found.axpy(-vector.dot(&side) / value, &vector, 1.0);
+        }
+    }
+    found.component_mul(&scales)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -44,5 +62,14 @@ mod tests {
         for column in columns.column_iter() {
             assert!(without(&basis, &column.into_owned()).norm() < 1e-12);
         }
+    }
+
+    #[test]
+    fn a_column_of_zeros_does_not_hinder_the_fit_of_the_others() {
+        let columns =
+            DMatrix::from_column_slice(3, 3, &[1e3, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0]);
+        let wanted = DVector::from_row_slice(&[0.002, 0.0, -3.0]);
+        let found = least_squares(&columns, &-(&columns * &wanted));
+        assert!((found - wanted).norm() < 1e-12);
     }
 }

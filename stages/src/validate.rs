@@ -80,8 +80,7 @@ impl Stage for Validate {
         }
         let body = Body::new(mesh, &self.model);
         let measure = |fit: &Fit, which: &str| {
-            let from =
-                |start: &[Vec3]| target.load(&body, &fit.rest, fit.moduli, start, false);
+            let from = |start: &[Vec3]| target.load(&body, &fit.rest, fit.moduli, start, false);
             // A tissue with a limit of stretch may not stand what the reference pose is stretched to.
             let solution = from(&mesh.mesh.points)
                 .or_else(|cause| from(&fit.rest).map_err(|_| cause))

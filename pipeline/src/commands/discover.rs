@@ -14,6 +14,7 @@ use mammotwin_data::{
 };
 use mammotwin_stages::{
     discover::{Discover, Discovery, Gather, Verdict, VerdictName},
+    effects::Effect,
     report::discovery,
 };
 use serde_json::json;
@@ -78,14 +79,18 @@ fn held_out(opened: &Opened, wish: Option<&str>) -> Result<String, Failure> {
         ));
     }
     if let Some(name) = wish {
-        let known: Vec<&str> = others().map(|(name, _)| name.as_str()).collect();
-        if !known.contains(&name) {
-            let known = known.join(", ");
-            return Err(Failure::Usage(format!(
-                "--held-out {name}: no such pose; there are: {known}"
-            )));
-        }
-        return Ok(name.into());
+        return match others().find(|(known, _)| *known == name) {
+            Some((_, Use::Validate)) => Ok(name.into()),
+            // Moduli that are calibrated to it, here and in the study with the effect, would prove nothing in it.
+            Some((_, Use::Fit)) => Err(Failure::BadInput(format!(
+                "--held-out {name}: the calibration reads this pose; set its use = \"validate\""
+            ))),
+            None => {
+                let known: Vec<&str> = others().map(|(name, _)| name.as_str()).collect();
+                let known = known.join(", ");
+                Err(Failure::Usage(format!("--held-out {name}: no such pose; there are: {known}")))
+            }
+        };
     }
     let validating = others().find(|(_, usage)| *usage == Use::Validate);
     validating.map(|(name, _)| name.clone()).ok_or_else(|| {
@@ -148,8 +153,16 @@ fn with_effect(study: &str, effect: &str, amplitude: f64) -> Result<String, Stri
     let text = match known {
         None => format!("{study}\n{said}\n[model.effects]\n{effect} = {amplitude:?}\n"),
         Some(effects) => {
-            let before = effects.get(effect).and_then(toml::Value::as_float).unwrap_or(0.0);
-            effects.insert(effect.into(), (before + amplitude).into());
+            // TOML tells 1 from 1.0.
+            let number = |v: &toml::Value| v.as_float().or(v.as_integer().map(|n| n as f64));
+            let before = effects.get(effect).and_then(number).unwrap_or(0.0);
+            let mut sum = before + amplitude;
+            if let Some(known) = Effect::named(effect) {
+                // The fit keeps the sum in its range, but for rounding, which a run would refuse.
+                let [least, greatest] = known.amplitude.range;
+                sum = sum.clamp(least, greatest);
+            }
+            effects.insert(effect.into(), sum.into());
             let text = toml::to_string_pretty(&table).map_err(|cause| format!("{cause}"))?;
             format!("{said}\n{text}")
         }
@@ -211,7 +224,7 @@ fn answer(
                 "verdict": verdict.verdict,
                 "effect": verdict.effect,
                 "set": verdict.set,
-                "confidence": verdict.weight,
+                "weight": verdict.weight,
                 "reason": verdict.reason,
                 "amplitude": best.map(|c| c.amplitude),
                 "held_out": best.map(|c| json!({
@@ -288,7 +301,31 @@ mod tests {
         assert_eq!(effects(&other).len(), 2);
         let more = with_effect(&other, "limit_chain", 0.125).unwrap();
         assert_eq!(effects(&more)["limit_chain"], 0.375);
+        // An integer counts, and rounding leads out of no range.
+        let whole = format!("{STUDY}[model.effects]\nlimit_chain = 1\n");
+        let most = with_effect(&whole, "limit_chain", 0.2 + 1e-15).unwrap();
+        assert_eq!(effects(&most)["limit_chain"], 1.2);
         assert_eq!(mammotwin_data::study::parse(&more).unwrap().mesh.size_mm, 9.0);
         assert!(with_effect(STUDY, "magic", 1.0).is_err());
+    }
+
+    #[test]
+    fn a_pose_that_the_calibration_reads_does_not_decide() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("study.toml");
+        let pose = |name: &str, usage: &str| {
+            format!(
+                "[poses.{name}]\nimage = \"{name}.nii\"\nposture = \"{name}\"\nuse = \"{usage}\"\n"
+            )
+        };
+        let text = STUDY.to_string() + &pose("prone", "fit") + &pose("upright", "validate");
+        fs::write(&file, text).unwrap();
+        let opened = open(&StudyArguments { study: file, out: None }).unwrap();
+        let of = |wish| held_out(&opened, wish).map_err(|why| why.to_string());
+        assert_eq!(of(None).as_deref(), Ok("upright"));
+        assert_eq!(of(Some("upright")).as_deref(), Ok("upright"));
+        let why = of(Some("prone")).unwrap_err();
+        assert!(why.contains("use = \"validate\""), "{why}");
+        assert!(of(Some("tilted")).unwrap_err().contains("prone, upright"));
     }
 }

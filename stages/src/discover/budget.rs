@@ -85,9 +85,9 @@ impl Nodes<'_> {
         white + Self::alike(&self.shapes[pose], i, j) + grown * Self::alike(self.reference, i, j)
     }
 
-    /// How far residuals (mm) differ from the mean of their neighbours, over what errors of size 1
+    /// How far residuals (mm, all poses) of some poses differ from the mean of their neighbours, over what errors of size 1
     /// would make them differ.
-    fn roughness(&self, residual: &DVector<f64>) -> Vec<f64> {
+    fn roughness(&self, residual: &DVector<f64>, seen: &[usize]) -> Vec<f64> {
         let nodes = self.reference.points.len();
         let mut near = vec![Vec::new(); nodes];
         for &[a, b] in self.edges {
@@ -95,7 +95,8 @@ impl Nodes<'_> {
             near[b as usize].push(a as usize);
         }
         let mut rough = Vec::new();
-        for (pose, values) in residual.as_slice().chunks(nodes.max(1)).enumerate() {
+        for &pose in seen {
+            let values = &residual.as_slice()[pose * nodes..(pose + 1) * nodes];
             for (own, near) in near.iter().enumerate().filter(|(_, near)| near.len() >= 3) {
                 let part = 1.0 / near.len() as f64;
                 let mean = part * near.iter().map(|&n| values[n]).sum::<f64>();
@@ -111,12 +112,12 @@ impl Nodes<'_> {
 }
 
 impl Budget {
-    /// The budget of the residuals (mm) of all poses: noise from node to node and errors of the
+    /// The budget of the residuals (mm) of all poses, by those that are `seen`: noise from node to node and errors of the
     /// segmentation are taken for alike in size, and measured where residuals differ from the mean
     /// of their neighbours, robustly. The chest wall's is what people differ by
     /// (1.05 mm an axis over 60 mm). `voxel_mm` is the edge of the images' voxels.
-    pub fn of(nodes: &Nodes, residual: &DVector<f64>, voxel_mm: f64) -> Self {
-        let mut rough = nodes.roughness(residual);
+    pub fn of(nodes: &Nodes, residual: &DVector<f64>, seen: &[usize], voxel_mm: f64) -> Self {
+        let mut rough = nodes.roughness(residual, seen);
         rough.sort_unstable_by(f64::total_cmp);
         // The median of |x| is 0.6745 standard deviations.
         let white = rough.get(rough.len() / 2).copied().unwrap_or(0.0) / 0.6745;
@@ -137,8 +138,8 @@ impl Budget {
         f64::max(LEAST_SYSTEMATIC, SYSTEMATIC_PER_MM * self.voxel_mm)
     }
 
-    /// Covariance (mm²) of the residuals of all poses; their rigid motions are open. `meshings` are differences (mm) to the same model on other meshes, whose
-    /// mean was taken from the residuals.
+    /// Covariance (mm²) of the residuals of all poses; their rigid motions are open. `meshings` are differences (mm) to the same
+    /// model on those other meshes whose mean was taken from the residuals.
     pub fn covariance(&self, nodes: &Nodes, meshings: &[DVector<f64>]) -> DMatrix<f64> {
         self.measured(nodes, OPEN) + of_meshes(nodes.shapes, meshings)
     }
@@ -199,7 +200,8 @@ pub(super) fn mean(columns: &[DVector<f64>]) -> DVector<f64> {
 }
 
 /// Covariance (mm²) of what the mesh is off, its mean known from `meshings` alone: their scatter about
-/// it, once for the truth and a part for the mean.
+/// it, once for the truth, as if it were one of them, and a part for the mean. Others, of which the mean does not know,
+/// must not be among them: their scatter is about another mean.
 fn of_meshes(shapes: &[Shape], meshings: &[DVector<f64>]) -> DMatrix<f64> {
     let count = meshings.len() as f64;
     let rows = shapes.iter().map(|shape| shape.points.len()).sum();
@@ -255,6 +257,11 @@ impl Whitener {
     /// Of a covariance, for all its rows; `None` when it is not positive.
     pub fn all(covariance: &DMatrix<f64>) -> Option<Self> {
         Cholesky::new(covariance.clone()).map(Self)
+    }
+
+    /// Number of the residuals that it takes.
+    pub fn rows(&self) -> usize {
+        self.0.l_dirty().nrows()
     }
 
     /// The inverse of the covariance times columns.

@@ -42,11 +42,9 @@ const MESHINGS: [(f64, Placement); 5] = [
     (0.7, Placement { rotation: [0.0; 3], offset: [0.2, 0.4, 0.6] }),
     (0.65, Placement { rotation: [0.1, -0.7, 0.3], offset: [0.6, 0.2, 0.7] }),
 ];
-/// The last others, whose mean the calibrated model is taken for. Of a hidden `skin_region` 0.82 is in the residuals
+/// The last others, whose mean the calibrated model is taken for, and whose scatter is the error of the mesh. Of a hidden `skin_region` 0.82 is in the residuals
 /// then, 0.75 with the mean over meshes of 0.8 to 1.15 (`tiny`, seed 3).
 const FINE: usize = 3;
-/// With fewer other meshes their scatter is no measure.
-const FEWEST_MESHINGS: usize = FINE;
 /// With fewer nodes there is nothing to weigh.
 const FEWEST_NODES: usize = 30;
 /// Residuals (mm) and their derivatives have the nodes of pose after pose, in one column.
@@ -54,6 +52,8 @@ const FEWEST_NODES: usize = 30;
 pub struct Evidence {
     /// Names of the poses but the reference pose.
     pub poses: Vec<String>,
+    /// The one of them that decides: nothing here is fitted to what was measured in it.
+    pub held_out: String,
     /// The reference pose.
     pub reference: Shape,
     /// Places of the weighed nodes among those that a fit compares.
@@ -66,7 +66,7 @@ pub struct Evidence {
     pub moduli: Moduli,
     /// Signed distances (mm) of simulated to measured skin with these, less what the own mesh is off.
     pub residual: DVector<f64>,
-    /// What is known of the own mesh's error (mm): the mean difference to the finest meshes that the model stands on.
+    /// What is known of the own mesh's error (mm): the mean of `meshings`.
     pub off: DVector<f64>,
     /// What the logarithms of the moduli change, right and left.
     pub by_moduli: [Course; 2],
@@ -74,7 +74,7 @@ pub struct Evidence {
     pub signatures: Vec<Signature>,
     /// Effects without a signature: the model has no equilibrium with them.
     pub failed: Vec<String>,
-    /// Differences (mm) to the same model on other meshes.
+    /// Differences (mm) to the same model on the finest meshes that it stands on.
     pub meshings: Vec<DVector<f64>>,
     /// By how much errors of the reference pose grow on their way into the residuals.
     pub growth: DVector<f64>,
@@ -109,10 +109,19 @@ impl Evidence {
         Nodes { edges, reference, shapes, growth }
     }
 
+    /// Places of the poses that the search sees.
+    pub fn seen(&self) -> Vec<usize> {
+        seen(&self.poses, &self.held_out)
+    }
+
     /// Number of weighed nodes.
     pub fn nodes(&self) -> usize {
         self.reference.points.len()
     }
+}
+
+fn seen(poses: &[String], held_out: &str) -> Vec<usize> {
+    (0..poses.len()).filter(|&p| poses[p] != held_out).collect()
 }
 
 impl Artifact for Evidence {
@@ -121,6 +130,7 @@ impl Artifact for Evidence {
     fn save(&self, path: &Path) -> Result<(), Failure> {
         let mut file = hdf5::Writer::create(path)?;
         file.put_texts("poses", &self.poses, "poses but the reference pose")?;
+        file.put_texts("held_out", std::slice::from_ref(&self.held_out), "pose that decides")?;
         self.reference.put(&mut file, "reference")?;
         file.put("weighed", &self.weighed, "1", "weighed among the compared nodes")?;
         file.put("edges", &self.edges, "1", "neighbours among the weighed nodes")?;
@@ -137,7 +147,7 @@ impl Artifact for Evidence {
         put("residual", &self.residual, "signed distance, pose after pose")?;
         put("off", &self.off, "what the own mesh is off")?;
         for (n, column) in self.meshings.iter().enumerate() {
-            put(&format!("meshings/{n}"), column, "difference to another mesh")?;
+            put(&format!("meshings/{n}"), column, "difference to a finer mesh")?;
         }
         for (side, course) in ["right", "left"].iter().zip(&self.by_moduli) {
             course.put(&mut file, &format!("by_modulus/{side}"))?;
@@ -162,6 +172,7 @@ impl Artifact for Evidence {
             meshings.push(column(&format!("meshings/{}", meshings.len()))?);
         }
         Ok(Self {
+            held_out: file.texts("held_out")?.concat(),
             reference: Shape::get(&file, "reference")?,
             weighed: file.get("weighed")?,
             edges: file.get("edges")?,
@@ -198,6 +209,8 @@ pub struct Gather {
     pub gravity: Vec3,
     /// Names of the other poses, in the order of the inputs.
     pub poses: Vec<String>,
+    /// The pose that decides, of which neither errors nor effects know.
+    pub held_out: String,
     /// Names of the effects that are tried.
     pub effects: Vec<&'static str>,
 }
@@ -216,9 +229,16 @@ impl Gather {
     }
 }
 
+/// A search without a pose that decides, or without one to search in.
+pub(super) fn nothing_decides(held_out: &str) -> Failure {
+    Failure::BadInput(format!(
+        "discover: needs the held-out pose {held_out} and at least one more beside the reference pose"
+    ))
+}
+
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 15;
+    const VERSION: u32 = 16;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, less the mean difference to three finer meshes. What the moduli \
          and the amplitude of each effect of a library change about them is the mean over the model's mesh and two others.";
@@ -227,6 +247,10 @@ impl Stage for Gather {
 
     fn run(&self, input: &Input, progress: &dyn Progress) -> Result<Evidence, Failure> {
         let (labels, _, mesh, calibration, ..) = input;
+        let seen = seen(&self.poses, &self.held_out);
+        if seen.is_empty() || seen.len() == self.poses.len() {
+            return Err(nothing_decides(&self.held_out));
+        }
         let measured = self.measured(input);
         let experiment = Experiment::new(mesh, &self.model, &self.calibrate, &measured)?;
         progress.report(0.0, "calibrated model");
@@ -267,9 +291,9 @@ impl Stage for Gather {
         let others: Vec<Option<Standing>> =
             bodies.par_iter().map(standing).collect::<Result<_, Failure>>()?;
         let others: Vec<Standing> = others.into_iter().flatten().collect();
-        let meshings: Vec<DVector<f64>> =
+        let mut meshings: Vec<DVector<f64>> =
             others.iter().map(|other| &here - &other.residual).collect();
-        if meshings.len() < FEWEST_MESHINGS {
+        if meshings.len() < FINE {
             return Err(Failure::Numerics(format!(
                 "discover: the model stands on {} of {} other meshes only; the error of the mesh is \
                  not known",
@@ -282,12 +306,15 @@ impl Stage for Gather {
         let growth = growth(mesh, &base, &experiment, (&weighed, &reference))?;
 
         progress.report(0.55, "signatures of the effects");
-        let off = mean(&meshings[meshings.len() - FINE..]);
+        // One mean and one scatter, of the same meshes.
+        meshings.drain(..meshings.len() - FINE);
+        let off = mean(&meshings);
         let variation = Variation {
             experiment: &experiment,
             plan: &self.model,
             base: &base,
             weighed: &weighed,
+            seen: &seen,
             reference: &reference,
             here: &here,
             others: &others,
@@ -296,10 +323,11 @@ impl Stage for Gather {
         let edges = edges(mesh, &nodes);
         let places =
             Nodes { edges: &edges, reference: &reference, shapes: &shapes, growth: &growth };
-        let budget = Budget::of(&places, &(&here - &off), labels.grid.mean_edge_mm());
-        let whitener = Whitener::all(&budget.covariance(&places, &meshings))
+        let budget = Budget::of(&places, &(&here - &off), &seen, labels.grid.mean_edge_mm());
+        let covariance = budget.covariance(&places, &meshings);
+        let whitener = Whitener::new(&covariance, &seen, nodes.len())
             .ok_or_else(|| Failure::Numerics("discover: errors without a covariance".into()))?;
-        let slopes = by_moduli.each_ref().map(|course| course.mean.slope.clone());
+        let slopes = by_moduli.each_ref().map(|course| variation.seen(&course.mean.slope));
         let projector = Projector::new(&whitener, &slopes);
         let tried = || self.effects.par_iter().filter_map(|name| Effect::named(name));
         let signatures: Vec<Signature> = tried()
@@ -309,6 +337,7 @@ impl Stage for Gather {
         let failed = tried().filter(|e| !found(e)).map(|e| e.name.into()).collect();
         Ok(Evidence {
             poses: self.poses.clone(),
+            held_out: self.held_out.clone(),
             budget,
             reference,
             weighed,

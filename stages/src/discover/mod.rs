@@ -7,8 +7,10 @@
 
 mod artefacts;
 mod budget;
+mod chance;
 mod clusters;
 mod course;
+mod descent;
 mod drift;
 mod evidence;
 mod held_out;
@@ -28,6 +30,7 @@ mod verdict;
 
 pub use artefacts::{ARTEFACTS, Artefact};
 pub use budget::{Budget, Nodes, RigidError};
+pub(crate) use chance::by_chance;
 pub use clusters::Cluster;
 pub use course::{Bent, Course};
 pub use drift::{Drift, PoseModuli};
@@ -35,7 +38,7 @@ pub use evidence::{Evidence, Gather};
 pub(crate) use held_out::HELD_OUT;
 pub use held_out::HeldOut;
 pub(crate) use rest::RARE;
-pub(crate) use screen::{ALIKE_COSINE, by_chance};
+pub(crate) use screen::ALIKE_COSINE;
 pub use screen::{Score, Screening};
 pub use second::Second;
 pub use signature::Signature;
@@ -62,8 +65,6 @@ use std::path::Path;
 pub struct Discover {
     /// How the evidence was gathered.
     pub gather: Gather,
-    /// The pose that decides, and that the search does not see.
-    pub held_out: String,
 }
 
 /// A pose before and after the effect is added.
@@ -160,11 +161,11 @@ type Input = (Evidence, evidence::Input);
 
 impl Stage for Discover {
     const NAME: &'static str = "discover";
-    const VERSION: u32 = 11;
+    const VERSION: u32 = 12;
     const METHODS: &'static str = "Residuals were weighed with the covariance of the errors of segmentation, registration, \
          chest wall and mesh. A score test asked for each effect of the library whether what the \
          moduli do not absorb of its signature is in the residuals; the threshold is the 99 % quantile \
-         of the largest score, and 0.8 standard deviations per mm of voxel, at least 1, of systematic error in quadrature. The best effects were fitted together with the moduli, and judged on a \
+         of the largest score about a systematic error of 0.8 standard deviations per mm of voxel, at least 1. The best effects were fitted together with the moduli, and judged on a \
          pose that the search did not see.";
     type Input = Input;
     type Output = Discovery;
@@ -174,7 +175,7 @@ impl Stage for Discover {
         (evidence, gathered): &Input,
         progress: &dyn Progress,
     ) -> Result<Discovery, Failure> {
-        let judge = Judge::new(evidence, &self.held_out)?;
+        let judge = Judge::new(evidence)?;
         let screening = judge.screen(&evidence.residual);
 
         progress.report(0.1, "fits with the likeliest effects");

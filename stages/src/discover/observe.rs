@@ -1,6 +1,9 @@
 //! Residuals of simulated poses at material points of the skin.
 
-use crate::{calibrate::Fit, mesh::BreastMesh, model::BreastBase, pose::PoseFit, shape::Shape};
+use crate::{
+    calibrate::Fit, mesh::BreastMesh, model::BreastBase, pose::PoseFit, shape::Shape,
+    span::orthonormal,
+};
 use mammotwin_data::{
     Failure, Vec3,
     mesh::Patch,
@@ -111,7 +114,7 @@ pub(super) fn part(all: &DVector<f64>, poses: &[usize], nodes: usize) -> DVector
 
 /// What is left of a covariance (mm²) of residuals when the columns `fitted` (mm) are fitted.
 pub(super) fn leftover(covariance: &DMatrix<f64>, fitted: &[DVector<f64>]) -> DMatrix<f64> {
-    let basis = DMatrix::from_columns(fitted).qr().q();
+    let basis = orthonormal(&DMatrix::from_columns(fitted));
     let left = covariance - &basis * (basis.transpose() * covariance);
     &left - (&left * &basis) * basis.transpose()
 }

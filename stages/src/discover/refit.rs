@@ -1,7 +1,8 @@
-//! Fit of the moduli, with or without one effect: linear, or Gauss-Newton with Broyden's updates.
+//! Fit of the moduli, with or without one effect: linear, or by whole solutions.
 
 use super::{
     budget::Whitener,
+    descent::{End, Limits, Model, State, descend},
     evidence::Evidence,
     observe,
     signature::{Projector, beyond},
@@ -9,22 +10,15 @@ use super::{
 };
 use crate::{
     calibrate::{Experiment, Fit},
-    effects::{Amplitude, Effect},
+    effects::Effect,
     model::{Body, Moduli},
+    span::least_squares,
 };
 use mammotwin_data::{Failure, progress::Silent, study::ModelPlan};
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 
-/// Evaluations of one fit at most, but those of derivatives.
-const MOST: usize = 10;
-/// A fit ends when the misfit falls by less than this (it counts squared standard deviations).
-const ENOUGH: f64 = 0.2;
-/// Largest change of the logarithm of a modulus in one step.
-const STRIDE: f64 = 0.5;
-
-/// Smallest part of a step that is tried.
-const LEAST_DAMPING: f64 = 0.05;
+/// Farthest from the start (of the logarithm of a modulus) that the first solution is tried.
+const FARTHEST: f64 = 0.5;
 
 /// What a fit needs to know.
 pub(super) struct Refit<'a> {
@@ -52,6 +46,8 @@ pub(super) struct Fitted {
     pub beyond: f64,
     /// Squared norm of the whitened residuals of the seen poses.
     pub misfit: f64,
+    /// Why this is no least misfit, if it is none: then it tells nothing.
+    pub unsettled: Option<String>,
 }
 
 /// An effect to fit: place of its signature in the evidence, and the amplitude to begin with.
@@ -83,13 +79,10 @@ pub(super) fn linear(
     }
     let columns: Vec<DVector<f64>> = by_moduli.iter().map(|v| whitener.whiten(v)).collect();
     let mut moduli = evidence.moduli;
-    if let Some(at) =
-        least_squares(&DMatrix::from_columns(&columns), &whitener.whiten(&seen_part(&rest)))
-    {
-        rest += at[0] * slopes[0] + at[1] * slopes[1];
-        moduli.right_kpa *= at[0].exp();
-        moduli.left_kpa *= at[1].exp();
-    }
+    let at = least_squares(&DMatrix::from_columns(&columns), &whitener.whiten(&seen_part(&rest)));
+    rest += at[0] * slopes[0] + at[1] * slopes[1];
+    moduli.right_kpa *= at[0].exp();
+    moduli.left_kpa *= at[1].exp();
     Fitted {
         misfit: whitener.whiten(&seen_part(&rest)).norm_squared(),
         residual: rest,
@@ -97,132 +90,74 @@ pub(super) fn linear(
         amplitude,
         amplitude_sd,
         beyond,
+        unsettled: None,
     }
 }
 
-/// A plan with an effect on top.
+/// What a plan has of an effect.
+fn held(plan: &ModelPlan, effect: &Effect) -> f64 {
+    plan.effects.get(effect.name).copied().unwrap_or(0.0)
+}
+
+/// Amplitudes of an effect that are plausible on top of what a plan has of it.
+pub(super) fn plausible(plan: &ModelPlan, effect: &Effect) -> [f64; 2] {
+    effect.amplitude.range.map(|end| end - held(plan, effect))
+}
+
+/// A plan with a [`plausible`] amplitude of an effect on top.
 pub(super) fn with_effect(plan: &ModelPlan, effect: &Effect, amplitude: f64) -> ModelPlan {
     let mut plan = plan.clone();
     let [least, greatest] = effect.amplitude.range;
-    let sum = plan.effects.get(effect.name).copied().unwrap_or(0.0) + amplitude;
+    let sum = held(&plan, effect) + amplitude;
+    // Against rounding alone.
     plan.effects.insert(effect.name.into(), sum.clamp(least, greatest));
     plan
 }
 
-/// Where a fit stands.
-struct At {
-    /// Logarithms of both moduli over the start, and the amplitude.
-    unknowns: DVector<f64>,
-    fit: Fit,
-    /// Residuals (mm) of all poses.
-    all: DVector<f64>,
-    /// Those of the seen poses, whitened.
-    seen: DVector<f64>,
-}
-
 impl Refit<'_> {
-    /// Fits the moduli, and the amplitude of an effect, from where signatures put them.
-    ///
-    /// Gauss-Newton with Broyden's updates, in standard deviations of the unknowns; where it stalls, derivatives are taken
-    /// anew, once.
+    /// Fits the moduli, and the amplitude of an effect, from where signatures put them, in standard deviations of the unknowns.
     pub fn run(&self, effect: Option<Start>) -> (Fitted, Fit) {
         let Evidence { signatures, moduli, .. } = self.evidence;
         let place = effect.map(|(k, _)| k);
-        let unknowns = 2 + usize::from(effect.is_some());
-        let base = self.at(DVector::zeros(unknowns), self.start.clone(), place);
-        let screened = linear(self.evidence, self.whitener, self.seen, &base.all, place);
+        let model = Solutions { refit: self, place };
+        let none = DVector::zeros(2 + usize::from(effect.is_some()));
+        let all = model.all(&none, self.start);
+        let screened = linear(self.evidence, self.whitener, self.seen, &all, place);
         let mut columns: Vec<DVector<f64>> =
             self.evidence.slopes().into_iter().map(|v| self.whitened(v)).collect();
         let far = [
             (screened.moduli.right_kpa / moduli.right_kpa).ln(),
             (screened.moduli.left_kpa / moduli.left_kpa).ln(),
         ];
-        let mut first: Vec<f64> = far.map(|log| log.clamp(-STRIDE, STRIDE)).into();
+        let mut first: Vec<f64> = far.map(|log| log.clamp(-FARTHEST, FARTHEST)).into();
+        let mut limits = Limits { small: vec![SMALL_MODULUS; 2], range: None };
         if let Some((k, amplitude)) = effect {
             columns.push(self.whitened(&signatures[k].rate(amplitude)));
             first.push(amplitude);
+            limits.small.push(self.effect(k).amplitude.small);
+            limits.range = Some(signatures[k].range);
         }
-        let mut jacobian = DMatrix::from_columns(&columns);
-        let mut at = base;
-        let mut next = DVector::from_vec(first);
-        let (mut damping, mut fresh) = (1.0, false);
-        for _ in 0..MOST {
-            let step = &next - &at.unknowns;
-            let trial =
-                self.evaluate(&next, place, &at.fit).map(|fit| self.at(next.clone(), fit, place));
-            let mut stalled = step.norm() == 0.0;
-            match trial {
-                Ok(trial) if !stalled => {
-                    let change = &trial.seen - &at.seen - &jacobian * &step;
-                    broyden(&mut jacobian, &change, &step);
-                    let gain = at.misfit() - trial.misfit();
-                    if gain > 0.0 {
-                        (at, damping) = (trial, 1.0);
-                    } else {
-                        damping *= 0.4;
-                    }
-                    stalled = gain.abs() < ENOUGH || damping < LEAST_DAMPING;
-                }
-                _ => damping *= 0.4,
-            }
-            if stalled {
-                if fresh {
-                    break;
-                }
-                let Some(derivatives) = self.derivatives(&at, place) else { break };
-                (jacobian, fresh, damping) = (derivatives, true, 1.0);
-            }
-            let Some(step) = least_squares(&jacobian, &at.seen) else { break };
-            let mut step: DVector<f64> = damping * step;
-            let limit = step.rows(0, 2).amax() / STRIDE;
-            if limit > 1.0 {
-                step.rows_mut(0, 2).scale_mut(1.0 / limit);
-            }
-            next = &at.unknowns + step;
-            if let Some(k) = place {
-                let [least, greatest] = signatures[k].effect.amplitude.range;
-                next[2] = next[2].clamp(least, greatest);
-            }
+        let start =
+            State { residual: self.whitened(&all), unknowns: none, solution: self.start.clone() };
+        let (first, jacobian) = (DVector::from_vec(first), DMatrix::from_columns(&columns));
+        let End { at, jacobian, unsettled } = descend(&model, start, first, jacobian, &limits);
+        let (mut amplitude, mut amplitude_sd, mut out) = (0.0, f64::NAN, 0.0);
+        if let Some(range) = limits.range {
+            amplitude = at.unknowns[2];
+            amplitude_sd = deviation(&jacobian);
+            let step = least_squares(&jacobian, &at.residual)[2] / amplitude_sd;
+            out = beyond(range, amplitude, step);
         }
-        let out = place.and_then(|k| {
-            let step = least_squares(&jacobian, &at.seen)?[2] / deviation(&jacobian);
-            Some(beyond(signatures[k].effect.amplitude.range, at.unknowns[2], step))
-        });
         let best = Fitted {
-            beyond: out.unwrap_or(0.0),
+            residual: model.all(&at.unknowns, &at.solution),
+            moduli: at.solution.moduli,
+            amplitude,
+            amplitude_sd,
+            beyond: out,
             misfit: at.misfit(),
-            moduli: at.fit.moduli,
-            amplitude: if effect.is_some() { at.unknowns[2] } else { 0.0 },
-            amplitude_sd: if effect.is_some() { deviation(&jacobian) } else { f64::NAN },
-            residual: at.all,
+            unsettled,
         };
-        (best, at.fit)
-    }
-
-    /// Where a fit stands with these unknowns; `place` is that of the effect's signature.
-    fn at(&self, unknowns: DVector<f64>, fit: Fit, place: Option<usize>) -> At {
-        let all = self.evidence.residual_of(&fit, place.map(|k| (k, unknowns[2])));
-        At { unknowns, fit, seen: self.whitened(&all), all }
-    }
-
-    /// Derivatives of the whitened residuals by differences; `None` where the model does not stand.
-    fn derivatives(&self, at: &At, place: Option<usize>) -> Option<DMatrix<f64>> {
-        let column = |n: usize| {
-            let amplitude = place.filter(|_| n == 2).map(|k| self.effect(k).amplitude);
-            let step = match amplitude {
-                None => SMALL_MODULUS,
-                Some(Amplitude { small, range: [_, greatest], .. }) => {
-                    if at.unknowns[2] + small > greatest { -small } else { small }
-                }
-            };
-            let mut there = at.unknowns.clone();
-            there[n] += step;
-            let fit = self.evaluate(&there, place, &at.fit).ok()?;
-            Some((self.at(there, fit, place).seen - &at.seen) / step)
-        };
-        let columns: Option<Vec<DVector<f64>>> =
-            (0..at.unknowns.len()).into_par_iter().map(column).collect();
-        columns.map(|columns| DMatrix::from_columns(&columns))
+        (best, at.solution)
     }
 
     fn effect(&self, place: usize) -> &'static Effect {
@@ -232,43 +167,38 @@ impl Refit<'_> {
     fn whitened(&self, all: &DVector<f64>) -> DVector<f64> {
         self.whitener.whiten(&observe::part(all, self.seen, self.evidence.nodes()))
     }
+}
 
-    fn evaluate(
-        &self,
-        at: &DVector<f64>,
-        place: Option<usize>,
-        near: &Fit,
-    ) -> Result<Fit, Failure> {
+/// Solutions with other logarithms of both moduli, over the start's, and an amplitude.
+struct Solutions<'a> {
+    refit: &'a Refit<'a>,
+    /// Of the effect's signature.
+    place: Option<usize>,
+}
+
+impl Solutions<'_> {
+    /// Residuals (mm) of all poses.
+    fn all(&self, unknowns: &DVector<f64>, fit: &Fit) -> DVector<f64> {
+        self.refit.evidence.residual_of(fit, self.place.map(|k| (k, unknowns[2])))
+    }
+}
+
+impl Model for Solutions<'_> {
+    type Solution = Fit;
+
+    fn solve(&self, at: &DVector<f64>, near: &Fit) -> Result<(DVector<f64>, Fit), Failure> {
+        let Refit { experiment, plan, start, .. } = self.refit;
         let moduli = Moduli {
-            right_kpa: self.start.moduli.right_kpa * at[0].exp(),
-            left_kpa: self.start.moduli.left_kpa * at[1].exp(),
+            right_kpa: start.moduli.right_kpa * at[0].exp(),
+            left_kpa: start.moduli.left_kpa * at[1].exp(),
         };
-        let plan = match place {
-            Some(k) => with_effect(self.plan, self.effect(k), at[2]),
-            None => self.plan.clone(),
+        let plan = match self.place {
+            Some(k) => with_effect(plan, self.refit.effect(k), at[2]),
+            None => (*plan).clone(),
         };
-        let body = Body { plan: &plan, ..self.experiment.body.clone() };
-        self.experiment.evaluate_as(&body, moduli, Some(near), &Silent, "")
-    }
-}
-
-impl At {
-    fn misfit(&self) -> f64 {
-        self.seen.norm_squared()
-    }
-}
-
-/// Broyden's update in units in which each unknown changes the residuals alike: what a step changed beyond
-/// what `jacobian` told.
-fn broyden(jacobian: &mut DMatrix<f64>, change: &DVector<f64>, step: &DVector<f64>) {
-    let weights = DVector::from_iterator(
-        jacobian.ncols(),
-        jacobian.column_iter().map(|column| column.norm_squared()),
-    );
-    let along = step.component_mul(&weights);
-    let length = step.dot(&along);
-    if length > 0.0 {
-        jacobian.ger(1.0 / length, change, &along, 1.0);
+        let body = Body { plan: &plan, ..experiment.body.clone() };
+        let fit = experiment.evaluate_as(&body, moduli, Some(near), &Silent, "")?;
+        Ok((self.refit.whitened(&self.all(at, &fit)), fit))
     }
 }
 
@@ -278,29 +208,25 @@ fn deviation(jacobian: &DMatrix<f64>) -> f64 {
     covariance.map_or(f64::NAN, |c| c[(2, 2)].max(0.0).sqrt())
 }
 
-fn least_squares(jacobian: &DMatrix<f64>, residual: &DVector<f64>) -> Option<DVector<f64>> {
-    let normal = jacobian.transpose() * jacobian;
-    normal.cholesky().map(|factor| factor.solve(&(-(jacobian.transpose() * residual))))
-}
-
 #[cfg(test)]
+#[allow(clippy::unwrap_used)] // a test may fail at once
 mod tests {
     use super::*;
 
     #[test]
-    fn an_update_does_not_depend_on_units() {
-        let columns = [[1.0, 0.2, 0.0], [0.3, 2.0, 0.1]];
-        let [first, second] = columns.map(|c| DVector::from_row_slice(&c));
-        let mut plain = DMatrix::from_columns(&[first.clone(), second.clone()]);
-        // The second unknown in thousandths.
-        let mut scaled = DMatrix::from_columns(&[first, &second / 1000.0]);
-        let change = DVector::from_row_slice(&[0.1, -0.3, 0.5]);
-        let step = DVector::from_row_slice(&[0.4, 0.7]);
-        let before = &plain * &step;
-        broyden(&mut plain, &change, &step);
-        broyden(&mut scaled, &change, &DVector::from_row_slice(&[0.4, 700.0]));
-        assert!((&plain * &step - before - &change).norm() < 1e-12);
-        assert!((scaled.column(1) * 1000.0 - plain.column(1)).norm() < 1e-9);
-        assert!((scaled.column(0) - plain.column(0)).norm() < 1e-12);
+    fn what_a_study_has_of_an_effect_is_less_that_it_may_lack() {
+        let study = "schema = 1\n[subject]\nid = \"v\"\n[poses.supine]\nimage = \"s.nii\"\nposture = \"supine\"\n[mesh]\nsize_mm = 9.0\n";
+        let mut plan = mammotwin_data::study::parse(study).unwrap().model;
+        let effect = Effect::named("limit_chain").unwrap();
+        let [least, greatest] = effect.amplitude.range;
+        assert_eq!(plausible(&plan, effect), [least, greatest]);
+        plan.effects.insert("limit_chain".into(), 0.8);
+        let left = plausible(&plan, effect);
+        assert_eq!(left, [least - 0.8, greatest - 0.8]);
+        // All of these make a difference, and none goes beyond what is plausible.
+        for amplitude in [left[0], 0.5 * left[0], 0.5 * left[1], left[1]] {
+            let sum = with_effect(&plan, effect, amplitude).effects["limit_chain"];
+            assert!((sum - 0.8 - amplitude).abs() < 1e-12 && (least..=greatest).contains(&sum));
+        }
     }
 }

@@ -7,9 +7,13 @@
 
 use super::{
     budget::Whitener,
+    chance::Curve,
     course::{Change, Course},
 };
-use crate::effects::Effect;
+use crate::{
+    effects::Effect,
+    span::{least_squares, orthonormal, without},
+};
 use mammotwin_data::{Failure, io::hdf5};
 use nalgebra::{DMatrix, DVector};
 
@@ -21,25 +25,33 @@ pub struct Signature {
     /// Up to the large amplitude [`Signature::reach`], where moduli are as a calibration finds them and their own
     /// part is taken off.
     pub course: Course,
-    /// The large amplitude. Beyond it changes go on in proportion.
+    /// Size of the large amplitude. Beyond it changes go on in proportion.
     pub reach: f64,
+    /// Plausible amplitudes: on top of what the study has of the effect already.
+    pub range: [f64; 2],
 }
 
 impl Signature {
     /// Of a small amplitude and the change by it, and a large one with the moduli of a calibration.
     pub(super) fn new(
         effect: &'static Effect,
+        range: [f64; 2],
         small: (f64, &Change),
         large: Option<(f64, &Change)>,
     ) -> Self {
-        let reach = large.map_or(small.0, |(amplitude, _)| amplitude);
-        Self { effect, course: Course::through(small, large), reach }
+        let reach = large.map_or(small.0, |(amplitude, _)| amplitude).abs();
+        Self { effect, course: Course::through(small, large), reach, range }
     }
 
     /// Of a small amplitude and the change (mm) by it on the model's own mesh, for an effect that hardly shows.
-    pub(super) fn small(effect: &'static Effect, amplitude: f64, own: DVector<f64>) -> Self {
+    pub(super) fn small(
+        effect: &'static Effect,
+        range: [f64; 2],
+        amplitude: f64,
+        own: DVector<f64>,
+    ) -> Self {
         let change = Change { off: DVector::zeros(own.len()), mean: own };
-        Self::new(effect, (amplitude, &change), None)
+        Self::new(effect, range, (amplitude, &change), None)
     }
 
     /// The change (mm) by an amplitude.
@@ -57,6 +69,12 @@ impl Signature {
         self.course.mean.sum(1.0, bent_rate(amplitude, self.reach))
     }
 
+    /// The large amplitude, with the sign of the largest plausible one.
+    pub(super) fn far(&self) -> f64 {
+        let [least, greatest] = self.range;
+        if -least > greatest { -self.reach } else { self.reach }
+    }
+
     /// Some of the rows.
     pub(super) fn of(&self, rows: impl Fn(&DVector<f64>) -> DVector<f64>) -> Self {
         Self { course: self.course.of(&rows), ..*self }
@@ -66,7 +84,8 @@ impl Signature {
         let group = format!("signatures/{}", self.effect.name);
         self.course.put(file, &group)?;
         let reach = format!("{group}/reach");
-        Ok(file.put(&reach, &[self.reach], "1", "amplitude up to which it bends")?)
+        file.put(&reach, &[self.reach], "1", "amplitude up to which it bends")?;
+        Ok(file.put(&format!("{group}/range"), &self.range, "1", "plausible amplitudes")?)
     }
 
     /// `None` when the file has no signature of this effect.
@@ -80,7 +99,9 @@ impl Signature {
         }
         let reach: Vec<f64> = file.get(&format!("{group}/reach"))?;
         let reach = reach.first().copied().unwrap_or_default();
-        Ok(Some(Self { effect, course: Course::get(file, &group)?, reach }))
+        let range: Vec<f64> = file.get(&format!("{group}/range"))?;
+        let range = std::array::from_fn(|n| range.get(n).copied().unwrap_or_default());
+        Ok(Some(Self { effect, course: Course::get(file, &group)?, reach, range }))
     }
 }
 
@@ -109,7 +130,9 @@ impl<'a> Projector<'a> {
             true => (DMatrix::zeros(0, 0), DMatrix::zeros(0, 0)),
             false => {
                 let absorbed = DMatrix::from_columns(&absorbed);
-                (absorbed.clone(), absorbed.qr().q())
+                // A modulus that changes nothing absorbs nothing.
+                let basis = orthonormal(&absorbed);
+                (absorbed, basis)
             }
         };
         Self { whitener, absorbed, basis }
@@ -117,10 +140,8 @@ impl<'a> Projector<'a> {
 
     /// The changes of what is fitted that take most off a change (mm); zeros where nothing does.
     pub fn fitted(&self, change: &DVector<f64>) -> [f64; 2] {
-        let normal = self.absorbed.transpose() * &self.absorbed;
-        let side = -(self.absorbed.transpose() * self.whitener.whiten(change));
-        let found = normal.cholesky().map(|factor| factor.solve(&side));
-        [0, 1].map(|n| found.as_ref().and_then(|found| found.get(n)).copied().unwrap_or(0.0))
+        let found = least_squares(&self.absorbed, &self.whitener.whiten(change));
+        [0, 1].map(|n| found.get(n).copied().unwrap_or(0.0))
     }
 
     /// Whitened, without what moduli absorb; and the part of its length that is left.
@@ -128,10 +149,19 @@ impl<'a> Projector<'a> {
         let white = self.whitener.whiten(column);
         let left = match self.basis.ncols() {
             0 => white.clone(),
-            _ => &white - &self.basis * (self.basis.transpose() * &white),
+            _ => without(&self.basis, &white),
         };
         let part = left.norm() / white.norm().max(f64::MIN_POSITIVE);
         (left, part)
+    }
+
+    /// What survives of an effect's change, as chance is drawn with it.
+    pub fn curve(&self, signature: &Signature) -> Curve {
+        let reach = signature.reach;
+        let [slope, curve] = [&signature.course.mean.slope, &signature.course.mean.curve]
+            .map(|column| self.surviving(column).0);
+        let range = signature.range.map(|end| end / reach);
+        Curve { slope: reach * slope, curve: reach * reach * curve, range }
     }
 
     /// How well amplitudes of an effect explain `rest`, which survived.
@@ -141,7 +171,7 @@ impl<'a> Projector<'a> {
         Explained {
             rest: [rest.dot(&slope), rest.dot(&curve)],
             products: [slope.dot(&slope), slope.dot(&curve), curve.dot(&curve)],
-            range: signature.effect.amplitude.range,
+            range: signature.range,
             reach: signature.reach,
         }
     }
@@ -262,7 +292,25 @@ mod tests {
     fn signature() -> Signature {
         let effect = Effect::named("limit_chain").unwrap();
         let exact = |a: f64| Change { off: DVector::zeros(3), mean: saturating(a) };
-        Signature::new(effect, (0.05, &exact(0.05)), Some((0.8, &exact(0.8))))
+        let range = effect.amplitude.range;
+        Signature::new(effect, range, (0.05, &exact(0.05)), Some((0.8, &exact(0.8))))
+    }
+
+    #[test]
+    fn a_signature_of_less_of_an_effect_goes_through_both_changes_too() {
+        let effect = Effect::named("limit_chain").unwrap();
+        let exact = |a: f64| Change { off: DVector::zeros(3), mean: -saturating(-a) };
+        let (small, large) = ((-0.05, &exact(-0.05)), Some((-0.8, &exact(-0.8))));
+        let signature = Signature::new(effect, [-1.1, 0.1], small, large);
+        for amplitude in [-0.05, -0.8] {
+            let off = signature.change(amplitude) - exact(amplitude).mean;
+            assert!(off.norm() < 1e-12, "{amplitude}: {off}");
+        }
+        let whitener = Whitener::new(&DMatrix::identity(3, 3), &[0], 3).unwrap();
+        let projector = Projector::new(&whitener, &[]);
+        let rest = -signature.change(-0.6);
+        let (found, _) = projector.explain(&signature, &rest).best();
+        assert!((found + 0.6).abs() < 1e-3, "{found}");
     }
 
     #[test]
@@ -287,7 +335,12 @@ mod tests {
         let effect = Effect::named("limit_chain").unwrap();
         let own = |a: f64| saturating(a) + DVector::from_vec(vec![0.0, 0.0, a - 0.4 * a * a]);
         let off = |a: f64| Change { off: own(a) - saturating(a), mean: saturating(a) };
-        let signature = Signature::new(effect, (0.05, &off(0.05)), Some((0.8, &off(0.8))));
+        let signature = Signature::new(
+            effect,
+            effect.amplitude.range,
+            (0.05, &off(0.05)),
+            Some((0.8, &off(0.8))),
+        );
         for a in [0.05, 0.3, 0.8] {
             assert!((own(a) - signature.off(a) - saturating(a)).norm() < 1e-12, "{a}");
         }
@@ -341,5 +394,15 @@ mod tests {
         let (left, part) = projector.surviving(&DVector::from_vec(vec![3.0, 4.0, 0.0]));
         assert!((left - DVector::from_vec(vec![0.0, 4.0, 0.0])).norm() < 1e-12);
         assert!((part - 0.8).abs() < 1e-12);
+        // Nor does a modulus that changes nothing absorb anything.
+        let inert = DVector::zeros(3);
+        let absorbed = DVector::from_vec(vec![2.0, 0.0, 0.0]);
+        for moduli in [[inert.clone(), absorbed.clone()], [absorbed, inert]] {
+            let projector = Projector::new(&whitener, &moduli);
+            let (left, _) = projector.surviving(&DVector::from_vec(vec![3.0, 4.0, 5.0]));
+            assert!((left - DVector::from_vec(vec![0.0, 4.0, 5.0])).norm() < 1e-12);
+            let [a, b] = projector.fitted(&DVector::from_vec(vec![3.0, 4.0, 5.0]));
+            assert!((a + b + 1.5).abs() < 1e-12 && a * b == 0.0, "{a} {b}");
+        }
     }
 }

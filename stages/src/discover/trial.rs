@@ -46,10 +46,10 @@ impl Errors {
 }
 
 impl Evidence {
-    /// The same with errors (mm) on top; how rough they are is measured anew.
+    /// The same with errors (mm) on top; how rough they are is measured anew in the seen poses.
     pub fn with_errors(&self, errors: &DVector<f64>) -> Self {
         let residual = &self.residual + errors;
-        let budget = Budget::of(&self.places(), &residual, self.budget.voxel_mm);
+        let budget = Budget::of(&self.places(), &residual, &self.seen(), self.budget.voxel_mm);
         Self { residual, budget, ..self.clone() }
     }
 

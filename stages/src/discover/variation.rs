@@ -9,8 +9,8 @@
 use super::{
     budget::mean,
     course::{Change, Course},
-    observe::{carried, residual},
-    refit::with_effect,
+    observe::{carried, part, residual},
+    refit::{plausible, with_effect},
     signature::{Projector, Signature},
 };
 use crate::{
@@ -68,6 +68,32 @@ impl<'a> Standing<'a> {
     }
 }
 
+/// One change (mm) on several meshes; `None` where the model does not stand.
+struct Meshes {
+    own: DVector<f64>,
+    there: Vec<Option<DVector<f64>>>,
+}
+
+impl Meshes {
+    /// This change and another one, both as means over the meshes on which the model stands with both, since the difference of
+    /// two means over other meshes would be theirs; `None` where it stands with both on the own mesh alone.
+    fn with(&self, other: &Self) -> Option<(Change, Change)> {
+        let both: Vec<(&DVector<f64>, &DVector<f64>)> = self
+            .there
+            .iter()
+            .zip(&other.there)
+            .filter_map(|(a, b)| a.as_ref().zip(b.as_ref()))
+            .collect();
+        let change = |own: &DVector<f64>, there: Vec<&DVector<f64>>| {
+            let all: Vec<DVector<f64>> = there.into_iter().chain([own]).cloned().collect();
+            let mean = mean(&all);
+            Change { off: own - &mean, mean }
+        };
+        let (ours, theirs) = both.into_iter().unzip::<_, _, Vec<_>, Vec<_>>();
+        (!ours.is_empty()).then(|| (change(&self.own, ours), change(&other.own, theirs)))
+    }
+}
+
 /// The calibrated model, to be varied.
 pub(super) struct Variation<'a> {
     /// On its own mesh.
@@ -78,6 +104,8 @@ pub(super) struct Variation<'a> {
     pub base: &'a Fit,
     /// Places of the weighed nodes among those that a fit compares.
     pub weighed: &'a [u32],
+    /// Places of the poses that the search sees: moduli settle by these.
+    pub seen: &'a [usize],
     /// These nodes in the reference pose.
     pub reference: &'a Shape,
     /// Its residuals (mm).
@@ -100,20 +128,18 @@ impl Variation<'_> {
         Ok(residual(&fit, self.weighed) - self.here)
     }
 
-    /// The mean over the own mesh (with the change `own`, mm) and others, and what the own one is off;
-    /// `None` where the model stands on no other.
-    fn compared(&self, own: &DVector<f64>, plan: &ModelPlan, logs: [f64; 2]) -> Option<Change> {
+    /// Residuals of the seen poses among those of all.
+    pub fn seen(&self, all: &DVector<f64>) -> DVector<f64> {
+        part(all, self.seen, self.reference.points.len())
+    }
+
+    /// The change (mm) on the own mesh that is given, and those on others.
+    fn everywhere(&self, own: DVector<f64>, plan: &ModelPlan, logs: [f64; 2]) -> Meshes {
         let moduli = self.moduli(logs);
         let compared = &self.others[..COMPARED.min(self.others.len())];
-        let there: Vec<Option<DVector<f64>>> =
+        let there =
             compared.par_iter().map(|other| other.change(plan, moduli, self.reference)).collect();
-        let mut all: Vec<DVector<f64>> = there.into_iter().flatten().collect();
-        if all.is_empty() {
-            return None;
-        }
-        all.push(own.clone());
-        let mean = mean(&all);
-        Some(Change { off: own - &mean, mean })
+        Meshes { own, there }
     }
 
     /// What a modulus changes, by its logarithm: right (0), left (1).
@@ -123,14 +149,13 @@ impl Variation<'_> {
     pub fn by_modulus(&self, side: usize) -> Result<Course, Failure> {
         let of = |part: f64| {
             let logs = [0, 1].map(|s| if s == side { part } else { 0.0 });
-            let own = self.own(self.plan, logs)?;
-            let change = self.compared(&own, self.plan, logs);
-            change.map(|change| (part, change)).ok_or_else(|| {
-                Failure::Numerics("discover: other meshes fail with other moduli".into())
-            })
+            Ok::<_, Failure>(self.everywhere(self.own(self.plan, logs)?, self.plan, logs))
         };
         let (small, large) = (of(SMALL_MODULUS)?, of(LARGE_MODULUS)?);
-        Ok(Course::through((small.0, &small.1), Some((large.0, &large.1))))
+        let (small, large) = small.with(&large).ok_or_else(|| {
+            Failure::Numerics("discover: other meshes fail with other moduli".into())
+        })?;
+        Ok(Course::through((SMALL_MODULUS, &small), Some((LARGE_MODULUS, &large))))
     }
 
     /// What an effect changes; `None` where the model does not stand with a little of it. `moduli` are what
@@ -141,32 +166,46 @@ impl Variation<'_> {
         projector: &Projector,
         moduli: &[Course; 2],
     ) -> Option<Signature> {
-        let Amplitude { small, range: [least, greatest], .. } = effect.amplitude;
+        let Amplitude { small, .. } = effect.amplitude;
+        let [least, greatest] = plausible(self.plan, effect);
+        // Less of it, where the study has nearly as much as is plausible.
+        let (sign, farthest) =
+            if greatest > 2.0 * small { (1.0, greatest) } else { (-1.0, -least) };
+        let small = sign * small;
         let plan = |amplitude: f64| with_effect(self.plan, effect, amplitude);
         let own = |amplitude: f64, logs| self.own(&plan(amplitude), logs).ok();
         let little = own(small, [0.0; 2])?;
-        let size = projector.surviving(&little).0.norm() / small;
-        let farthest = f64::max(-least, greatest);
+        let size = projector.surviving(&self.seen(&little)).0.norm() / small.abs();
         // Where the effect hardly shows, a small change of the own mesh is all there is.
         let shows = size * farthest > LARGE.sqrt();
-        let compared = shows.then(|| self.compared(&little, &plan(small), [0.0; 2])).flatten();
-        let Some(small_change) = compared else {
-            return Some(Signature::small(effect, small, little));
-        };
-        let reach = (LARGE / size).clamp(small, farthest);
+        let here_alone = |own| Signature::small(effect, [least, greatest], small, own);
+        if !shows {
+            return Some(here_alone(little));
+        }
+        let little = self.everywhere(little, &plan(small), [0.0; 2]);
+        let reach = (LARGE / size).min(farthest);
         // Nor where the model does not stand with much of it.
         let first = [1.0, 0.5, 0.25]
             .into_iter()
-            .map(|part| part * reach)
-            .filter(|amplitude| *amplitude > 2.0 * small)
+            .map(|part| part * sign * reach)
+            .filter(|amplitude| amplitude.abs() > 2.0 * small.abs())
             .find_map(|amplitude| Some((amplitude, own(amplitude, [0.0; 2])?)));
         let large = first.and_then(|(amplitude, much)| {
             let (at, found) = self.settled(effect, amplitude, much, projector);
-            let change = self.compared(&found, &plan(amplitude), at)?;
-            Some((amplitude, change.without(moduli, at)))
+            let much = self.everywhere(found, &plan(amplitude), at);
+            let (little, much) = little.with(&much)?;
+            Some((little, (amplitude, much.without(moduli, at))))
         });
-        let large = large.as_ref().map(|(amplitude, change)| (*amplitude, change));
-        Some(Signature::new(effect, (small, &small_change), large))
+        let range = [least, greatest];
+        Some(match large {
+            Some((little, (amplitude, much))) => {
+                Signature::new(effect, range, (small, &little), Some((amplitude, &much)))
+            }
+            None => match little.with(&little) {
+                Some((little, _)) => Signature::new(effect, range, (small, &little), None),
+                None => here_alone(little.own),
+            },
+        })
     }
 
     /// Where a calibration puts the logarithms of the moduli, and the change (mm) on the own mesh: it takes
@@ -183,7 +222,7 @@ impl Variation<'_> {
         let mut found = kept;
         let mut last: Option<[f64; 2]> = None;
         for _ in 0..SETTLING_STEPS {
-            let step = projector.fitted(&found);
+            let step = projector.fitted(&self.seen(&found));
             if step.iter().all(|part| part.abs() < SETTLED) {
                 break;
             }
@@ -200,5 +239,22 @@ impl Variation<'_> {
         }
         tracing::debug!(effect.name, amplitude, ?at, "moduli with the effect");
         (at, found)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)] // a test may fail at once
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mesh_that_fails_once_is_in_neither_mean() {
+        let of = |value: f64| DVector::from_element(1, value);
+        let small = Meshes { own: of(1.0), there: vec![Some(of(3.0)), Some(of(20.0))] };
+        let large = Meshes { own: of(10.0), there: vec![Some(of(30.0)), None] };
+        let (a, b) = small.with(&large).unwrap();
+        assert_eq!((a.mean[0], a.off[0], b.mean[0], b.off[0]), (2.0, -1.0, 20.0, -10.0));
+        let nowhere = Meshes { own: of(1.0), there: vec![None, Some(of(4.0))] };
+        assert!(large.with(&nowhere).is_none());
     }
 }

@@ -4,7 +4,7 @@ use super::{
     artefacts::REGISTRATION,
     budget::Whitener,
     drift::Drift,
-    evidence::Evidence,
+    evidence::{Evidence, nothing_decides},
     held_out::{HeldOut, Weights},
     observe::{leftover, part},
     refit::{Fitted, linear},
@@ -53,6 +53,8 @@ pub struct Candidate {
     pub held_out: HeldOut,
     /// Score of what is left in smooth shapes; beyond `limit` something else is missing.
     pub left: [f64; 2],
+    /// Why its fit is no least misfit, if it is none: then nothing here tells anything.
+    pub unsettled: Option<String>,
 }
 
 /// The answer.
@@ -64,7 +66,7 @@ pub struct Verdict {
     pub effect: Option<String>,
     /// Effects that the data do not tell apart, the best first.
     pub set: Vec<String>,
-    /// Weight of the named effect among all that were fitted and none; not calibrated.
+    /// Weight of the effect that is named, or else explains most, among all that were fitted and none; not calibrated.
     pub weight: f64,
     /// Why, in plain words.
     pub reason: String,
@@ -77,13 +79,11 @@ pub struct Verdict {
 }
 
 impl Verdict {
-    /// The effect that is added where one is named, or several are; else the one that explains most.
+    /// The effect that is told, or the best of several; else the one that explains most.
     pub fn chosen(&self) -> Option<&Candidate> {
-        let first = self
-            .set
-            .first()
-            .filter(|_| matches!(self.verdict, VerdictName::Named | VerdictName::Ambiguous));
-        let named = first.and_then(|name| self.candidates.iter().find(|c| c.effect == *name));
+        let several = self.set.first().filter(|_| self.verdict == VerdictName::Ambiguous);
+        let told = self.effect.as_ref().or(several);
+        let named = told.and_then(|name| self.candidates.iter().find(|c| c.effect == *name));
         named.or(self.candidates.first())
     }
 }
@@ -119,14 +119,12 @@ impl<'a> Judge<'a> {
     ///
     /// # Errors
     /// [`Failure::BadInput`] when there is no such pose, or none besides it.
-    pub fn new(evidence: &'a Evidence, held_out: &str) -> Result<Self, Failure> {
+    pub fn new(evidence: &'a Evidence) -> Result<Self, Failure> {
+        let held_out = &evidence.held_out;
         let place = evidence.poses.iter().position(|pose| pose == held_out);
-        let seen: Vec<usize> = (0..evidence.poses.len()).filter(|p| Some(*p) != place).collect();
+        let seen = evidence.seen();
         let (Some(place), false) = (place, seen.is_empty()) else {
-            return Err(Failure::BadInput(format!(
-                "discover: needs the held-out pose {held_out} and at least one more beside the \
-                 reference pose"
-            )));
+            return Err(nothing_decides(held_out));
         };
         let rest = Rest::new(evidence, &seen);
         Self::on(evidence, seen, place, rest)
@@ -230,7 +228,11 @@ impl<'a> Judge<'a> {
     ) -> Verdict {
         let mut candidates: Vec<Candidate> =
             with.iter().map(|(k, found)| self.candidate(*k, found, without)).collect();
-        candidates.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        // What an unsettled fit gains is no measure.
+        let unsettled = |c: &Candidate| c.unsettled.is_some();
+        candidates.sort_by(|a, b| {
+            unsettled(a).cmp(&unsettled(b)).then_with(|| b.gain.total_cmp(&a.gain))
+        });
         let not_testable = screening.scores.iter().filter(|s| !s.testable);
         let mut verdict = Verdict {
             verdict: VerdictName::NoDiscrepancy,
@@ -242,7 +244,7 @@ impl<'a> Judge<'a> {
             second: self.beside_the_best(screening, &candidates, with),
             candidates,
         };
-        self.decide(&mut verdict, screening, &without.residual);
+        self.decide(&mut verdict, screening, without);
         verdict
     }
 
@@ -280,7 +282,8 @@ impl<'a> Judge<'a> {
         self.evidence.shapes[pose].rigid_modes().into_iter().chain(moduli).collect()
     }
 
-    fn decide(&self, verdict: &mut Verdict, screening: &Screening, before: &DVector<f64>) {
+    fn decide(&self, verdict: &mut Verdict, screening: &Screening, without: &Fitted) {
+        let before = &without.residual;
         let Screening { scores, limit, .. } = screening;
         let failed = &self.evidence.failed;
         let tried = failed.len() + self.evidence.signatures.len();
@@ -300,6 +303,20 @@ impl<'a> Judge<'a> {
                 return;
             }
         }
+        // An effect is weighed against the moduli's own best, and against effects that may explain as much.
+        let over =
+            |name: &str| scores.iter().any(|s| s.effect == name && s.testable && s.z > *limit);
+        let unsettled = |c: &&Candidate| c.unsettled.is_some() && over(&c.effect);
+        let unsettled = match (&without.unsettled, verdict.candidates.iter().find(unsettled)) {
+            (Some(why), _) => Some(("the moduli alone", why)),
+            (None, Some(c)) => c.unsettled.as_ref().map(|why| (c.effect.as_str(), why)),
+            (None, None) => None,
+        };
+        if let Some((what, why)) = unsettled {
+            verdict.reason = format!("the fit of {what} came to no end: {why}");
+            verdict.verdict = VerdictName::InsufficientData;
+            return;
+        }
         let left = self.left(before, None);
         let rest = |[left, limit]: [f64; 2]| {
             (left > limit).then(|| {
@@ -311,7 +328,8 @@ impl<'a> Judge<'a> {
             None => (VerdictName::NoDiscrepancy, reason),
         };
         let found = scores.iter().any(|score| score.testable && score.z > *limit);
-        let Some(best) = verdict.candidates.first().filter(|_| found) else {
+        let settled = || verdict.candidates.iter().filter(|c| c.unsettled.is_none());
+        let Some(best) = settled().next().filter(|_| found) else {
             let largest = scores.iter().map(|score| score.z).fold(0.0, f64::max);
             let reason = format!("the largest score is {largest:.1}, below {limit:.1}: by chance");
             (verdict.verdict, verdict.reason) = unexplained(reason);
@@ -322,19 +340,14 @@ impl<'a> Judge<'a> {
             }
             return;
         };
-        let near = verdict.candidates.iter().filter(|c| best.gain - c.gain < ALIKE);
+        let near = settled().filter(|c| best.gain - c.gain < ALIKE);
         let (better, worse): (Vec<&Candidate>, Vec<&Candidate>) =
             near.partition(|c| c.held_out.fall > 0.0);
         let confirmed = better.iter().any(|c| c.held_out.confirms());
         let names = |of: &[&Candidate]| of.iter().map(|c| c.effect.clone()).collect::<Vec<_>>();
-        let weights: Vec<f64> = verdict
-            .candidates
-            .iter()
-            .map(|c| 0.5 * (c.gain - best.gain))
-            .chain([-0.5 * best.gain])
-            .map(f64::exp)
-            .collect();
-        verdict.weight = weights[0] / weights.iter().sum::<f64>();
+        let weight = |gain: f64| (0.5 * (gain - best.gain)).exp();
+        let weights = settled().map(|c| weight(c.gain)).sum::<f64>() + weight(0.0);
+        let mut told = best;
         let z = best.held_out.z;
         let completed = verdict.second.as_ref().is_some_and(Second::completes);
         let mut set = names(&better);
@@ -368,6 +381,15 @@ impl<'a> Judge<'a> {
         } else if best.held_out.confirms() {
             let reason = format!("{z:.1} s.e. of what it foretells are in the held-out pose");
             (VerdictName::Named, reason)
+        } else if let Some(rival) = better.iter().find(|c| c.held_out.confirms()) {
+            // The seen poses prefer one, the held-out pose another: no test is left that knows of neither.
+            told = *rival;
+            set.extend(names(&worse));
+            let reason = format!(
+                "{} explains the seen poses best, but makes the held-out pose worse; {}, which explains them alike, has {:.1} s.e. of what it foretells there",
+                best.effect, rival.effect, rival.held_out.z
+            );
+            (VerdictName::InsufficientData, reason)
         } else {
             set.extend(names(&worse));
             let reason = format!(
@@ -377,8 +399,11 @@ impl<'a> Judge<'a> {
             (VerdictName::InsufficientData, reason)
         };
         if matches!(verdict.verdict, VerdictName::Named | VerdictName::InsufficientData) {
-            verdict.effect = Some(best.effect.clone());
+            verdict.effect = Some(told.effect.clone());
+        } else if let (VerdictName::Ambiguous, Some(first)) = (verdict.verdict, better.first()) {
+            told = *first;
         }
+        verdict.weight = weight(told.gain) / weights;
         if let (Some(second), VerdictName::Named | VerdictName::Ambiguous) =
             (&verdict.second, verdict.verdict)
         {
@@ -414,6 +439,7 @@ impl<'a> Judge<'a> {
             moduli_kpa: [found.moduli.right_kpa, found.moduli.left_kpa],
             held_out: self.weights.judge(&without.residual, &found.residual, rms_mm),
             left: self.left(&found.residual, Some(&signature.rate(found.amplitude))),
+            unsettled: found.unsettled.clone(),
         }
     }
 

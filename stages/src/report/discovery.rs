@@ -199,6 +199,7 @@ fn heading(verdict: VerdictName, effect: Option<&Effect>, alike: usize) -> Strin
         VerdictName::Named => format!("Missing: {title}"),
         VerdictName::Ambiguous => format!("Missing: {title}, or {} more alike", alike.max(2) - 1),
         VerdictName::Unknown => "A discrepancy that the library does not explain".into(),
+        VerdictName::InsufficientData if effect.is_none() => "The data cannot tell".into(),
         VerdictName::InsufficientData => format!("Perhaps missing: {title}; the data cannot tell"),
     }
 }

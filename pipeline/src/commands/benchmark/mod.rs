@@ -87,6 +87,7 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
         for (n, &(effect, amplitude, sigma)) in cases.iter().enumerate() {
             let case = case(Some((effect, amplitude)), sigma, Kind::Exact);
             if late() && !case.has("evidence") {
+                results.skipped(effect.name, sigma, "the case");
                 continue;
             }
             task.report(
@@ -98,16 +99,10 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
                     let hidden = (effect, amplitude, sigma);
                     results.extend(singles(&evidence, &null, seed, hidden, arguments.draws)?);
                     // Once more with fits of the model itself, without drawn errors.
-                    if !late() || case.has("discover") {
-                        let truth = Some((effect.name, amplitude));
-                        let found = case.discovery()?;
-                        results.extend([Trial::new(
-                            Tier::Refit,
-                            seed,
-                            truth,
-                            sigma,
-                            &found.verdict,
-                        )]);
+                    if late() && !case.has("discover") {
+                        results.skipped(effect.name, sigma, "fits of the model itself");
+                    } else {
+                        refit(&case, &mut results)?;
                     }
                     if let Some(size) = size(&evidence, &null, seed, effect, amplitude)? {
                         results.sized(effect.name, sigma, size);
@@ -131,6 +126,7 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
             task.report(0.5, &format!("seed {seed}: {name} at {sigma} sigma through the images"));
             let imaged = case(hidden.map(|(effect, a, _)| (effect, a)), sigma, Kind::Imaged);
             if late() && !imaged.has("discover") {
+                results.skipped(name, sigma, "images");
                 continue;
             }
             match imaged.discovery() {
@@ -153,6 +149,20 @@ pub fn benchmark(arguments: &BenchmarkArguments) -> Result<(), Failure> {
     Ok(())
 }
 
+/// The verdict of fits of the model itself. One that cannot be computed is told, and is no end of the others.
+fn refit(case: &Case, results: &mut tally::Results) -> Result<(), Failure> {
+    let Some((effect, amplitude)) = case.hidden else { return Ok(()) };
+    match case.discovery() {
+        Ok(found) => {
+            let truth = Some((effect.name, amplitude));
+            results.extend([Trial::new(Tier::Refit, case.seed, truth, case.sigma, &found.verdict)]);
+        }
+        Err(Failure::Numerics(why)) => results.failed(effect.name, case.sigma, &why),
+        Err(other) => return Err(other),
+    }
+    Ok(())
+}
+
 /// The amplitude of each effect whose change has a severity, in standard deviations of what a trial's
 /// score varies by; `None` when no plausible one has.
 fn severities(
@@ -161,7 +171,7 @@ fn severities(
     sigma: f64,
 ) -> Result<Vec<(&'static Effect, Option<f64>)>, Failure> {
     let noisy = drawn(null, null, seed)?;
-    Ok(Judge::new(&noisy, HELD_OUT.name())?.amplitudes_of(sigma))
+    Ok(Judge::new(&noisy)?.amplitudes_of(sigma))
 }
 
 /// The size of what is hidden, in standard deviations of a trial, as the case's own model has it.
@@ -173,7 +183,7 @@ fn size(
     amplitude: f64,
 ) -> Result<Option<f64>, Failure> {
     let noisy = drawn(evidence, null, seed)?;
-    Ok(Judge::new(&noisy, HELD_OUT.name())?.size_of(effect.name, amplitude))
+    Ok(Judge::new(&noisy)?.size_of(effect.name, amplitude))
 }
 
 /// Evidence with one draw of errors of the budget of the volunteer without an effect.
@@ -199,7 +209,7 @@ fn tried(
     seed: u64,
     errors: impl Fn(usize, &mut ChaCha8Rng) -> DVector<f64> + Sync,
 ) -> Result<Vec<Verdict>, Failure> {
-    let judge = Judge::new(evidence, HELD_OUT.name())?;
+    let judge = Judge::new(evidence)?;
     (0..draws)
         .into_par_iter()
         .map(|draw| {

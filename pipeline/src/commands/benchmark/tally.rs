@@ -47,7 +47,7 @@ pub struct Trial {
     pub covered: Option<bool>,
     /// Root mean square (mm) of the held-out pose with less that without the best effect.
     pub held_out_mm: Option<f64>,
-    /// Part of the held-out gap above the floor that the best effect closes.
+    /// Part of the held-out gap above the floor that the best effect closes; `None` where no gap is above it.
     pub shrink: Option<f64>,
 }
 
@@ -125,6 +125,8 @@ pub struct Results {
     pub sizes: Vec<(String, f64, f64)>,
     /// Cases without an equilibrium: effect, severity, why.
     pub failed: Vec<(String, f64, String)>,
+    /// Cases for which the time did not last: effect, severity, what of it.
+    pub skipped: Vec<(String, f64, &'static str)>,
     /// Error budgets of the cases that went through images.
     pub budgets: Vec<(u64, Budget)>,
 }
@@ -156,6 +158,11 @@ impl Results {
         self.failed.push((effect.into(), sigma, why.into()));
     }
 
+    /// Notes a case for which the time did not last.
+    pub fn skipped(&mut self, effect: &str, sigma: f64, what: &'static str) {
+        self.skipped.push((effect.into(), sigma, what));
+    }
+
     /// Notes the errors of a case that went through images.
     pub fn measured(&mut self, seed: u64, evidence: &Evidence) {
         self.budgets.push((seed, evidence.budget));
@@ -179,8 +186,8 @@ impl Results {
         self.of(tier).filter(|t| t.truth == Some(effect) && t.sigma == sigma).collect()
     }
 
-    /// Expected calibration error of the weights of named effects, in bins of 0.1.
-    pub fn calibration_error(&self) -> Option<f64> {
+    /// Expected calibration error of the weights of named effects, in bins of 0.1, and how many there are of all kinds.
+    pub fn calibration_error(&self) -> (Option<f64>, usize) {
         let named: Vec<&Trial> =
             self.trials.iter().filter(|t| t.verdict == VerdictName::Named).collect();
         let mut error = 0.0;
@@ -191,7 +198,7 @@ impl Results {
             let said: f64 = bin.iter().map(|t| t.weight).sum();
             error += (said - right).abs();
         }
-        (!named.is_empty()).then(|| error / named.len() as f64)
+        ((!named.is_empty()).then(|| error / named.len() as f64), named.len())
     }
 }
 
@@ -199,4 +206,37 @@ impl Results {
 pub fn share(trials: &[&Trial], holds: impl Fn(&Trial) -> bool) -> Option<f64> {
     let count = trials.iter().filter(|t| holds(t)).count();
     (!trials.is_empty()).then(|| count as f64 / trials.len() as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_are_judged_on_all_that_are_named_and_on_no_other() {
+        let trial = |tier: Tier, verdict: VerdictName, best: &str, weight: f64| Trial {
+            tier,
+            seed: 1,
+            truth: Some("friction"),
+            sigma: 5.0,
+            verdict,
+            ranked: vec![best.into()],
+            set: Vec::new(),
+            weight,
+            amplitude: None,
+            covered: None,
+            held_out_mm: None,
+            shrink: None,
+        };
+        let mut results = Results::default();
+        assert_eq!(results.calibration_error(), (None, 0));
+        results.extend([
+            trial(Tier::Single, VerdictName::Named, "friction", 0.9),
+            trial(Tier::Refit, VerdictName::Named, "density", 0.5),
+            trial(Tier::Single, VerdictName::Ambiguous, "friction", 0.1),
+        ]);
+        let (error, count) = results.calibration_error();
+        assert_eq!(count, 2);
+        assert!((error.unwrap() - 0.5 * (0.1 + 0.5)).abs() < 1e-12, "{error:?}");
+    }
 }
