@@ -33,8 +33,6 @@ pub struct State {
     /// Modulus (kPa) that scales the penalties at each node: the shear modulus of its tissue, or
     /// more where that proved too soft.
     pub shear_kpa: Arc<[f64]>,
-    /// How often that was made more.
-    pub stiffenings: usize,
     /// What is switched on.
     pub load: Load,
     /// Contacts whose elements touch other nodes than those of the model.
@@ -376,7 +374,6 @@ impl State {
             points,
             memory,
             shear_kpa: shear_kpa.into(),
-            stiffenings: 0,
             load,
             moved: Moved::default(),
         }
@@ -420,7 +417,6 @@ impl State {
 
     /// Makes the penalties of all contacts stiffer.
     pub fn stiffen_contacts(&mut self, factor: f64) {
-        self.stiffenings += 1;
         self.shear_kpa = self.shear_kpa.iter().map(|shear| factor * shear).collect();
     }
 

@@ -363,9 +363,8 @@ const MOVES: usize = 40;
 const SHRINKING: f64 = 0.25;
 /// How much stiffer.
 const STIFFENING: f64 = 4.0;
-/// Most such changes at one load, and over a whole path: loads that are carried keep their penalties.
+/// Most such changes at one load.
 const STIFFENINGS: usize = 4;
-const STIFFENINGS_IN_ALL: usize = 8;
 
 /// Minimum of the energy at the state's load, with all contacts tight.
 fn balance(
@@ -400,10 +399,7 @@ fn balance(
         }
         rounds += 1;
         // Tissue near its limit is stiffer than its modulus says: the penalties must follow.
-        if open > SHRINKING * before
-            && stiffened < STIFFENINGS
-            && state.stiffenings < STIFFENINGS_IN_ALL
-        {
+        if open > SHRINKING * before && stiffened < STIFFENINGS {
             state.stiffen_contacts(STIFFENING);
             stiffened += 1;
         }

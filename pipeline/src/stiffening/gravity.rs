@@ -43,8 +43,7 @@ impl Both {
     pub fn new(hanging: &[Hanging], fell: &[f64], posterior: &Posterior) -> Option<Self> {
         let log = |jm: &f64| {
             let apart = |other: f64| (jm / other).ln().abs();
-            let nearest =
-                hanging.iter().map(|h| apart(h.jm)).fold(f64::INFINITY, f64::min);
+            let nearest = hanging.iter().map(|h| apart(h.jm)).fold(f64::INFINITY, f64::min);
             // Nearer to one with which nothing stood than to any that did.
             if fell.iter().any(|fell| apart(*fell) < nearest) {
                 return Some(f64::NEG_INFINITY);

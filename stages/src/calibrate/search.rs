@@ -94,13 +94,7 @@ impl Compared {
 
     /// Change of the distances (mm) from one point to another for a change of one breast's modulus by
     /// a factor e; `None` when the logarithm of that modulus changed by less than `shortest`.
-    fn slope(
-        &self,
-        from: &Point,
-        to: &Point,
-        side: Side,
-        shortest: f64,
-    ) -> Option<DVector<f64>> {
+    fn slope(&self, from: &Point, to: &Point, side: Side, shortest: f64) -> Option<DVector<f64>> {
         let change = to.at[side as usize] - from.at[side as usize];
         if change.abs() < shortest {
             return None;

@@ -199,9 +199,8 @@ mod tests {
         // The texture does not average to nothing over so small a ball: integrate it, too.
         let fine = Grid::aligned([100; 3], [0.25; 3], Vec3::from_element(-12.375));
         let mut texture = Texture::new(quiet().texture_seed);
-        let exact: f64 = (0..fine.len())
-            .map(|n| texture.brightness(&ball(&fine.center(fine.voxel(n)))))
-            .sum();
+        let exact: f64 =
+            (0..fine.len()).map(|n| texture.brightness(&ball(&fine.center(fine.voxel(n))))).sum();
         let ratio = sum * grid.voxel_mm3() / (1000.0 * exact * fine.voxel_mm3());
         assert!((ratio - 1.0).abs() < 0.003, "signal of the picture over the true one: {ratio}");
         let volume = 4.0 / 3.0 * std::f64::consts::PI * 12f64.powi(3);
