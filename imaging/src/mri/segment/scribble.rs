@@ -433,7 +433,7 @@ mod tests {
             Tissue::FibroglandularRight,
             Tissue::PectoralMuscle,
         ];
-        let mark = |n: usize| (n % 5 == 0).then(|| tissues[layer(n)]);
+        let mark = |n: usize| (n.is_multiple_of(5)).then(|| tissues[layer(n)]);
         let image = Volume { values: (0..grid.len()).map(value).collect(), grid: grid.clone() };
         (image, Volume { values: (0..grid.len()).map(mark).collect(), grid })
     }
