@@ -9,7 +9,7 @@ pub trait Progress: Sync {
     /// come in the same order for equal inputs.
     fn warn(&self, _warning: &str) {}
 
-    /// A number that says how far the result is to be trusted, kept likewise.
+    /// A number that says how far the result is to be trusted, kept likewise where it is finite.
     fn note(&self, _name: &str, _value: f64) {}
 }
 

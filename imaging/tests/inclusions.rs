@@ -122,6 +122,16 @@ fn masses_outside_of_the_breast_or_in_each_other_are_refused() {
     assert!((form.center - Vec3::new(0.0, 45.0, 23.0)).norm() < 1.5, "{form:?}");
 }
 
+/// Columns of the matrix are 10 mm apart: in a breast of 22 mm the outer ones would lie 1 mm below its sides.
+#[test]
+fn no_grain_lies_in_the_skin_of_a_side() {
+    let narrow = cuboid([-11.0, -50.0, 0.0], [11.0, 140.0, 46.0]);
+    let phantom = Phantom::new(narrow, None, 46.0, &plan(vec![]), 0.3, 1).unwrap();
+    let sides: Vec<f64> =
+        phantom.calcifications.iter().map(|one| 11.0 - one.site.center.x.abs()).collect();
+    assert!(sides.len() >= 7 && sides.iter().all(|side| *side >= 2.0), "{sides:?}");
+}
+
 #[test]
 fn a_matrix_at_a_stated_place_outside_of_the_breast_is_refused() {
     let block = cuboid([-60.0, -20.0, 0.0], [60.0, 90.0, 46.0]);

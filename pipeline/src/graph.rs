@@ -7,7 +7,7 @@ mod uncertain;
 
 pub(crate) use measured::{Fitted, fitted, measured};
 pub use measured::{Measured, PoseOutcome, ScanOutcome, Target};
-use uncertain::{deviate, is_fitted};
+use uncertain::{deviate, raised};
 pub(crate) use uncertain::{stiffer, varied};
 
 use mammotwin_data::{
@@ -100,8 +100,8 @@ pub fn run(study: &Study, run: &Run<'_>) -> Result<Outcome, Failure> {
     if let Some(plan) = &study.compress {
         let mut squeezed = squeeze(study, plan, "", run, &outcome)?;
         if study.comfort.uncertainty {
-            let stiffer = is_fitted(study).then(|| stiffer(study, &outcome, run)).transpose()?;
-            deviate(study, plan, "", run, (&outcome, stiffer.as_ref()), &mut squeezed)?;
+            let raised = raised(study, [plan].into_iter(), &outcome, run)?;
+            deviate(study, plan, "", run, (&outcome, raised.as_ref()), &mut squeezed)?;
         }
         outcome.squeezed = Some(squeezed);
     }
@@ -117,16 +117,14 @@ pub fn squeezes(
     run: &Run<'_>,
 ) -> Result<Vec<Result<Squeezed, String>>, Failure> {
     let outcome = body(study, run)?;
-    let uncertain = study.comfort.uncertainty;
-    let stiffer =
-        (uncertain && is_fitted(study)).then(|| stiffer(study, &outcome, run)).transpose()?;
+    let raised = raised(study, ways.iter().map(|(_, plan)| plan), &outcome, run)?;
     let one = |(label, plan): &(String, CompressPlan)| {
         let mut squeezed = match squeeze(study, plan, label, run, &outcome) {
             Err(Failure::Numerics(why) | Failure::BadInput(why)) => return Ok(Err(why)),
             found => found?,
         };
-        if uncertain {
-            deviate(study, plan, label, run, (&outcome, stiffer.as_ref()), &mut squeezed)?;
+        if study.comfort.uncertainty {
+            deviate(study, plan, label, run, (&outcome, raised.as_ref()), &mut squeezed)?;
         }
         Ok(Ok(squeezed))
     };

@@ -165,7 +165,7 @@ fn one_breast_is_compressed_in_several_ways_and_only_once() {
 /// Compressions of two studies: what is there is taken, and the differences are those of one study of both.
 fn studies_are_compared(study: &str, folder: &Path) {
     let text = fs::read_to_string(study).unwrap();
-    let other = PathBuf::from(study).with_file_name("curved.toml");
+    let other = PathBuf::from(study).with_file_name("curved,2.toml");
     fs::write(&other, text.replace("paddle = \"rigid\"", "paddle = \"curved\"")).unwrap();
     let other = other.to_str().unwrap();
     let out = folder.join("compared");
@@ -175,14 +175,14 @@ fn studies_are_compared(study: &str, folder: &Path) {
     let said = printed(&compare);
     assert!(said.starts_with("0 of "), "{said}");
     let table = rows(&out.join("compare.csv"));
-    assert_eq!(table.keys().collect::<Vec<_>>(), ["curved", "study"]);
-    assert_eq!(table["curved"]["paddle"], "curved");
+    assert_eq!(table.keys().collect::<Vec<_>>(), ["curved-2", "study"]);
+    assert_eq!(table["curved-2"]["paddle"], "curved");
     let text = |path: &Path| fs::read_to_string(path.join("comparisons.csv")).unwrap();
     let here = text(&out);
     let there = text(&Path::new(study).with_file_name("out/studies/paddles"));
     let same: Vec<String> = there
         .lines()
-        .filter_map(|line| Some(format!("curved,study,{}", line.strip_prefix("curved,rigid,")?)))
+        .filter_map(|line| Some(format!("curved-2,study,{}", line.strip_prefix("curved,rigid,")?)))
         .collect();
     assert!(same.len() > 3);
     assert_eq!(here.lines().skip(1).collect::<Vec<_>>(), same);

@@ -23,7 +23,7 @@ pub fn comfort_has_its_deviations(study: &Path, text: &str) {
     fs::write(study, &text_with).unwrap();
     let planned = planned(study);
     // The map has pressed stiffer breasts already.
-    assert_eq!(planned[..4], ["comfort:stiffer", "compress:jm", "comfort:jm", "compress:place"]);
+    assert_eq!(planned[..4], ["comfort:moduli", "compress:jm", "comfort:jm", "compress:place"]);
     assert!(!planned.iter().any(|name| name == "stiffer" || name == "compress"), "{planned:?}");
     assert_eq!(computed(study, "2"), planned.len());
     let out = study.with_file_name("out");

@@ -35,7 +35,7 @@ fn processor_s() -> Option<f64> {
 }
 
 fn main() {
-    let most = std::env::args().filter_map(|word| word.parse().ok()).next_back().unwrap_or(1000);
+    let most = std::env::args().filter_map(|word| word.parse().ok()).next_back().unwrap_or(65);
     println!("| tetrahedra | nodes | iterations | wall (s) | processor (s) | peak memory (MB) |");
     println!("|---|---|---|---|---|---|");
     for size in SIZES.into_iter().filter(|&size| size <= most) {

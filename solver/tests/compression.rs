@@ -9,7 +9,7 @@ use crate::common;
 use common::squeeze::{EDGE_MM, Squeeze};
 use common::{Body, coarse, fine};
 use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, study::LawName};
-use mammotwin_solver::compress::{Closing, Compressed, Plates, Step, Stops, compress};
+use mammotwin_solver::compress::{Compressed, Plates, Step, Stops, compress};
 use mammotwin_solver::materials::Law;
 use mammotwin_solver::mesh::quadratic::{FACE_CHILDREN, QuadraticMesh};
 use mammotwin_solver::paddles::{Hinge, Outline, Paddle, RoundedPlate};
@@ -259,30 +259,14 @@ fn quadratic_n(body: &Body, law: Law, goal_mm: f64) -> [f64; 2] {
     for node in mesh.patch_nodes(Patch::ChestWall) {
         model.fix_node(node);
     }
-    let whole = Squeeze {
-        law,
-        radius_mm: 10.0,
-        paddle: Paddle::Rigid,
-        outline: Outline::ENDLESS,
-        middle_mm: 0.0,
-        friction: 0.0,
-        step_mm: 18.0,
-        stops: Stops::at_thickness(goal_mm),
-    };
+    let whole = Squeeze::rigid(law, 18.0, goal_mm);
     let parts = |face: &[u32; 6]| FACE_CHILDREN.map(|part| part.map(|n| face[n]));
     let faces = mesh.patches[&Patch::Skin].iter().flat_map(parts).collect();
     let plates = Plates { faces, ..whole.plates(body) };
-    let closing = Closing {
-        receptor_mm: -66.0,
-        thickness_mm: 132.0,
-        receptor_share: 0.5,
-        lift_mm: 0.0,
-        step_mm: whole.step_mm,
-        stops: whole.stops,
-    };
     let clock = std::time::Instant::now();
     let done =
-        compress(model, &plates, &closing, &mesh.points, &Options::default(), &Silent).unwrap();
+        compress(model, &plates, &whole.closing(), &mesh.points, &Options::default(), &Silent)
+            .unwrap();
     println!("{:?}: {:?}", clock.elapsed(), done.solution.checks);
     check(&done, goal_mm);
     forces_n(&done, goal_mm)

@@ -6,14 +6,13 @@
 
 use crate::common;
 
-use common::{Body, coarse, fine};
+use common::{Body, coarse, fine, squeeze::of_tissue};
 use mammotwin_data::{
     Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, solution::Solution, study::LawName,
     units::WEIGHT_OF_G_PER_CM3,
 };
-use mammotwin_solver::assemble::{Assembly, State};
 use mammotwin_solver::materials::Law;
-use mammotwin_solver::terms::{Bulk, Gravity, Load};
+use mammotwin_solver::terms::{Bulk, Gravity};
 use mammotwin_solver::{Model, Options, solve};
 
 fn hang(body: &Body, law: Law) -> Solution {
@@ -80,14 +79,7 @@ fn supports_bear_the_weight_of_the_volume() {
     }
     let found = solve(&model, &mesh.points, &Options::default(), &Silent).unwrap();
     // The tissue alone at the fixed nodes.
-    let mut alone = Model::new(mesh);
-    alone.add(Bulk::new("breast", mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
-    let mut assembly = Assembly::new(&alone).unwrap();
-    let mut state = State::new(&alone, found.points.clone(), Load::GRAVITY);
-    let mut pressure = Vec::new();
-    assembly.energy(&alone, &state, &found.points, &mut pressure).unwrap();
-    state.pressure = pressure;
-    let tissue = assembly.term_gradients(&alone, &state).unwrap().remove(0);
+    let tissue = of_tissue(mesh, law, &found.points);
     let pulls = fixed.iter().map(|&n| (found.points[n as usize], -tissue[n as usize]));
     let (mut pull, mut turn) = (Vec3::zeros(), Vec3::zeros());
     for (place, force) in pulls {

@@ -6,15 +6,12 @@
 use crate::common;
 
 use common::shapes::brick;
-use common::squeeze::Squeeze;
+use common::squeeze::{self, Squeeze};
 use common::{Body, coarse, fine};
-use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, study::LawName};
-use mammotwin_solver::assemble::{Assembly, State};
-use mammotwin_solver::compress::{Closing, Plates, Step, Stops, compress};
+use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, study::LawName};
+use mammotwin_solver::compress::{Plates, Step};
 use mammotwin_solver::materials::Law;
-use mammotwin_solver::paddles::{Outline, Paddle, RoundedPlate};
-use mammotwin_solver::terms::{Bulk, Load};
-use mammotwin_solver::{Model, Options};
+use mammotwin_solver::paddles::RoundedPlate;
 
 /// Each face is cut into so many parts along an edge.
 const CUTS: usize = 8;
@@ -65,14 +62,7 @@ fn of_tissue(
     step: &Step,
     held: impl Fn(u32) -> bool,
 ) -> [f64; 2] {
-    let mut model = Model::new(mesh);
-    model.add(Bulk::new("tissue", mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
-    let mut assembly = Assembly::new(&model).unwrap();
-    let mut state = State::new(&model, step.points.clone(), Load::GRAVITY);
-    let mut pressure = Vec::new();
-    assembly.energy(&model, &state, &step.points, &mut pressure).unwrap();
-    state.pressure = pressure;
-    let gradient = assembly.term_gradients(&model, &state).unwrap().remove(0);
+    let gradient = squeeze::of_tissue(mesh, law, &step.points);
     let middle = step.receptor_mm + 0.5 * step.thickness_mm;
     let mut forces = [0.0, 0.0];
     for (n, force) in gradient.iter().enumerate().filter(|(n, _)| !held(*n as u32)) {
@@ -104,16 +94,7 @@ fn missed(
 
 fn breast(body: &Body, radius_mm: f64) -> Vec<(f64, [f64; 2])> {
     let law = Law::new(LawName::Gent, 0.5, 0.49, Some(2.0)).unwrap();
-    let squeeze = Squeeze {
-        law,
-        radius_mm,
-        paddle: Paddle::Rigid,
-        outline: Outline::ENDLESS,
-        middle_mm: 0.0,
-        friction: 0.0,
-        step_mm: 11.0,
-        stops: Stops::at_thickness(50.0),
-    };
+    let squeeze = Squeeze { radius_mm, ..Squeeze::rigid(law, 11.0, 50.0) };
     let (plates, done) = (squeeze.plates(body), squeeze.press(body));
     let held = body.mesh.patch_nodes(Patch::ChestWall);
     let held = |n: u32| held.contains(&n);
@@ -152,34 +133,7 @@ fn pressures_of_flat_plates_sum_up_to_what_the_tissue_bears() {
     let mesh = brick([4, 4, 2], |i, j, l| 10.0 * Vec3::new(i as f64, j as f64, l as f64));
     let law = Law::neo_hookean_coupled(1.0, 0.49).unwrap();
     for friction in [0.0, 0.5] {
-        let mut model = Model::new(&mesh);
-        model.add(Bulk::new("block", &mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
-        let first = mesh.patch_nodes(Patch::ChestWall)[0];
-        model.fix(first, 0);
-        model.fix(first, 1);
-        model.fix(1, 0);
-        let faces = [Patch::ChestWall, Patch::Skin].iter().flat_map(|&p| mesh.patch(p)).copied();
-        let plates = Plates {
-            axis: Vec3::z(),
-            away: Vec3::x(),
-            edge_mm: -1e3,
-            radius_mm: 1.0,
-            friction,
-            paddle: Paddle::Rigid,
-            outline: Outline::ENDLESS,
-            middle_mm: 0.0,
-            faces: faces.collect(),
-        };
-        let closing = Closing {
-            receptor_mm: 0.0,
-            thickness_mm: 20.0,
-            receptor_share: 0.0,
-            lift_mm: 0.0,
-            step_mm: 2.0,
-            stops: Stops::at_thickness(14.0),
-        };
-        let options = Options::default();
-        let done = compress(model, &plates, &closing, &mesh.points, &options, &Silent).unwrap();
+        let (plates, done) = squeeze::flat(&mesh, law, friction);
         let step = done.steps.last().unwrap();
         let [pressure, recorded] = missed(&mesh, law, &plates, step, |_| false);
         println!("friction {friction}: {pressure:.2e}, {recorded:.1e}");

@@ -7,9 +7,8 @@ use crate::common;
 
 use common::squeeze::Squeeze;
 use common::{Body, coarse, fine};
-use mammotwin_solver::compress::{Compressed, Stops};
+use mammotwin_solver::compress::Compressed;
 use mammotwin_solver::materials::Law;
-use mammotwin_solver::paddles::{Outline, Paddle};
 
 /// Slopes on both sides of one that its parabola is fitted to.
 const SIDE: usize = 3;
@@ -36,17 +35,7 @@ fn jitter(slopes: &[f64]) -> [f64; 2] {
 }
 
 fn squeeze(body: &Body, law: Law, step_mm: f64, goal_mm: f64) -> Compressed {
-    Squeeze {
-        law,
-        radius_mm: 10.0,
-        paddle: Paddle::Rigid,
-        outline: Outline::ENDLESS,
-        middle_mm: 0.0,
-        friction: 0.0,
-        step_mm,
-        stops: Stops::at_thickness(goal_mm),
-    }
-    .run(body)
+    Squeeze::rigid(law, step_mm, goal_mm).run(body)
 }
 
 /// Jitter between the first contact and the last state before a node moves more than twice as far as the plates

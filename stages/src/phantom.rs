@@ -11,7 +11,8 @@ use mammotwin_data::{
 };
 use mammotwin_imaging::xray::{
     attenuation::{AttenuationError, Material},
-    phantom::{self, PhantomError},
+    inside::Inside,
+    phantom::{self, PhantomError, SKIN_MM},
     placement::Places,
     transport::{
         bodies::Closed,
@@ -28,8 +29,6 @@ const STEP_MM: f64 = 2.0;
 const GLAND_STEP_MM: f64 = 1.0;
 /// Lattice (mm) that the volumes of gland and fat are counted on.
 const LATTICE_MM: f64 = 0.5;
-/// Skin (mm): Huang et al. (2008), mean of 51 breasts.
-const SKIN_MM: f64 = 1.45;
 /// Body behind the detector's edge that may scatter (mm).
 const BEHIND_MM: f64 = 40.0;
 /// The skin may lie this far (mm) beyond the plates.
@@ -89,7 +88,8 @@ impl CompressedPhantom {
             materials.push(Material::breast(1.0)?);
         }
         let places = Places::of(&self.surface, self.thickness_mm)?;
-        for (form, material) in phantom::masses(&self.surface, &places, &self.plan)? {
+        let inside = Inside::of(&self.surface)?;
+        for (form, material) in phantom::masses(&inside, &places, &self.plan)? {
             let known = materials.iter().position(|known: &Material| known.name == material.name);
             body = body.with_mass(form, INCLUSIONS + known.unwrap_or(materials.len()));
             if known.is_none() {
@@ -158,7 +158,7 @@ impl Artifact for CompressedPhantom {
 
 impl Stage for Phantom {
     const NAME: &'static str = "phantom";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     const METHODS: &'static str = "The compressed breast was filled with breast tissue (uniform, or gland where the labels have it, carried along by \
          the tissue) and a matrix of irregular aluminium-equivalent microcalcifications at half of its thickness (Mîra 2018, § 5.2.2).";
     type Input = (Compression, Option<CarriedGland>);

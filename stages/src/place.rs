@@ -4,19 +4,17 @@
 
 use crate::{calibrate::Fit, compress::Compression};
 use mammotwin_data::{
-    Failure, Vec3,
-    io::hdf5,
+    Vec3,
     labels::Side,
     mesh::TetMesh,
     rigid::RigidTransform,
-    store::Artifact,
     surface::{TriMesh, barycentric},
 };
 use mammotwin_solver::{
     distance::SurfaceIndex,
     mesh::locate::{Location, Locator},
 };
-use std::{collections::BTreeMap, path::Path};
+use std::collections::BTreeMap;
 
 /// Points this near (mm) to the tissue are taken for its surface: segmentation and mesh smooth it.
 pub const SNAP_MM: f64 = 5.0;
@@ -64,64 +62,6 @@ impl Shapes {
             poses: fit.poses.iter().map(points).collect(),
             pressed: compression.map(Pressed::of),
         }
-    }
-}
-
-impl Artifact for Shapes {
-    const EXTENSION: &'static str = "h5";
-
-    fn save(&self, path: &Path) -> Result<(), Failure> {
-        let mut file = hdf5::Writer::create(path)?;
-        self.put(&mut file)?;
-        Ok(file.finish()?)
-    }
-
-    fn load(path: &Path) -> Result<Self, Failure> {
-        Self::get(&hdf5::Reader::open(path)?)
-    }
-}
-
-impl Shapes {
-    /// Writes the shapes into a file.
-    ///
-    /// # Errors
-    /// As of the file.
-    pub fn put(&self, file: &mut hdf5::Writer) -> Result<(), Failure> {
-        file.frame(hdf5::Frame::Ras)?;
-        file.put("rest", &self.rest, "mm", "stress-free node positions")?;
-        let names: Vec<&str> = self.poses.keys().map(String::as_str).collect();
-        file.put_texts("poses", &names, "names of the poses")?;
-        for (name, points) in &self.poses {
-            file.put(&format!("points/{name}"), points, "mm", "nodes in the pose")?;
-        }
-        let motion = self.pressed.as_ref().map(|pressed| pressed.to_detector);
-        file.put_json("to_detector", &motion, "to the detector's frame; null: no compression")?;
-        if let Some(pressed) = &self.pressed {
-            file.put("start", &pressed.start, "mm", "nodes before the compression")?;
-            file.put("pressed", &pressed.points, "mm", "nodes between the plates")?;
-        }
-        Ok(())
-    }
-
-    /// Reads what [`Shapes::put`] wrote.
-    ///
-    /// # Errors
-    /// As of the file.
-    pub fn get(file: &hdf5::Reader) -> Result<Self, Failure> {
-        let mut poses = BTreeMap::new();
-        for name in file.texts("poses")? {
-            let points = file.get(&format!("points/{name}"))?;
-            poses.insert(name, points);
-        }
-        let pressed = match file.json::<Option<RigidTransform>>("to_detector")? {
-            None => None,
-            Some(to_detector) => Some(Pressed {
-                start: file.get("start")?,
-                points: file.get("pressed")?,
-                to_detector,
-            }),
-        };
-        Ok(Self { rest: file.get("rest")?, poses, pressed })
     }
 }
 

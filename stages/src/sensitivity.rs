@@ -153,7 +153,7 @@ impl Artifact for Swept {
 
 impl Stage for Sweep {
     const NAME: &'static str = "sweep";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "Gravity from behind was put on the reference pose, taken for stress-free, over one \
          parameter of the tissues (Mîra 2018, § 3.5.1).";
     type Input = BreastMesh;
@@ -282,7 +282,7 @@ type Input = (BreastMesh, PoseSurfaces, Vec<Registered>, Vec<PoseSurfaces>);
 
 impl Stage for ErrorRow {
     const NAME: &'static str = "error_row";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     const METHODS: &'static str = "The stress-free shape was found and loaded into the fitted poses for each set of moduli, \
          and compared with the measured skin (Mîra 2018, § 3.5.2).";
     type Input = Input;

@@ -12,7 +12,6 @@ use crate::{
 };
 use mammotwin_data::{
     Failure, Vec3,
-    labels::Side,
     progress::Progress,
     store::Stage,
     study::{CalibratePlan, ComfortPlan, CompressPlan, ModelPlan},
@@ -83,7 +82,7 @@ impl Varied {
     /// As in names of stages.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Moduli => "stiffer",
+            Self::Moduli => "moduli",
             Self::Jm => "jm",
             Self::Place => "place",
         }
@@ -143,10 +142,7 @@ impl Stage for Deviations {
         ((metrics, compression, calibration), others, comforts): &Self::Input,
         _: &dyn Progress,
     ) -> Result<Metrics, Failure> {
-        let deviation = match compression.side {
-            Side::Right => calibration.precision.right,
-            Side::Left => calibration.precision.left,
-        };
+        let deviation = calibration.precision.of_side(compression.side);
         Ok(self.with_deviations(metrics, compression, deviation, others, comforts))
     }
 }
@@ -272,7 +268,7 @@ mod tests {
         let comfort = ComfortPlan::default();
         let all = variations(&plan, &comfort, true);
         let names: Vec<&str> = all.iter().map(|(varied, _)| varied.name()).collect();
-        assert_eq!(names, ["stiffer", "jm", "place"]);
+        assert_eq!(names, ["moduli", "jm", "place"]);
         assert_eq!(all[0].1, plan);
         assert_eq!(all[1].1.law.jm, plan.law.jm.map(|jm| 1.25 * jm));
         assert_eq!(all[2].1.chest_wall_distance_mm, 17.0);

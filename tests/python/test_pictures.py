@@ -81,9 +81,7 @@ def test_the_phantom_is_the_same_in_both_formats_and_its_grains_lie_in_tissue(im
     assert (labels[[0, -1]] == 0).all() and (labels[..., [0, -1]] == 0).all()
     sites = np.array([site["center_mm"] for site in legend["microcalcifications"]["sites"]])
     voxels = np.rint(nibabel.affines.apply_affine(np.linalg.inv(nifti.affine), sites)).astype(int)
-    # All in the breast; one at its side may lie in the layer that stands for skin.
-    there = labels[tuple(voxels.T)]
-    assert len(voxels) and (there > 0).all() and (there == 2).mean() > 0.8
+    assert len(voxels) and (labels[tuple(voxels.T)] == 2).all()
     # Between the plates the breast is as thick as they are apart.
     column = labels[voxels[0][0], voxels[0][1]] > 0
     assert abs(column.sum() * nifti.header.get_zooms()[2] - legend["thickness_mm"]) < 0.15 * legend["thickness_mm"]

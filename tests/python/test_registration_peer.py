@@ -139,7 +139,7 @@ MARGIN_MM = 0.02
 CHANGE_MARGIN_MM = 0.25
 
 
-def test_motions_are_as_accurate_as_those_of_simpleitk_at_half_the_time(volunteer):
+def test_motions_beside_those_of_simpleitk_at_half_the_time(volunteer):
     """Ours without a start and with the reading of all files, theirs from a near start and in memory."""
     wall_is, folder = volunteer
     sitk.ProcessObject.SetGlobalDefaultNumberOfThreads(THREADS)

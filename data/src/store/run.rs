@@ -214,7 +214,10 @@ impl Progress for Reporter<'_> {
     }
 
     fn note(&self, name: &str, value: f64) {
-        self.notes().values.insert(name.into(), value);
+        // JSON has no other numbers.
+        if value.is_finite() {
+            self.notes().values.insert(name.into(), value);
+        }
     }
 }
 

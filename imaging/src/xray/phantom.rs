@@ -13,6 +13,9 @@ use mammotwin_data::{Vec3, study::MammogramPlan, surface::TriMesh};
 /// Times that a sphere is split to try whether a mass lies in the breast: 642 points.
 const MASS_SPLITS: usize = 3;
 
+/// Skin (mm): Huang et al. (2008), mean of 51 breasts.
+pub const SKIN_MM: f64 = 1.45;
+
 /// Why there is no phantom.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PhantomError {
@@ -134,14 +137,17 @@ impl Phantom {
     ) -> Result<Self, PhantomError> {
         let places = Places::of(&surface, thickness_mm)?;
         let matrix = &plan.calcifications;
-        let sites = places.sites(matrix);
+        let inside = Inside::of(&surface)?;
+        // Alike for all diameters, so that they compare.
+        let largest_mm = matrix.diameter_mm.iter().copied().fold(diameter_mm, f64::max);
+        let buried = |center: &Vec3| inside.depth_mm(center) >= SKIN_MM + 0.5 * largest_mm;
+        let sites = places.sites(matrix, &buried);
         if sites.is_empty() && matrix.rows * matrix.columns > 0 {
             return Err(PhantomError::Misplaced { thickness_mm });
         }
-        let masses = masses(&surface, &places, plan)?;
+        let masses = masses(&inside, &places, plan)?;
         let in_gland = gland.map(Inside::of).transpose()?;
         if matrix.center_mm.is_some() {
-            let inside = Inside::of(&surface)?;
             let out = |s: &&Site| inside.depth_mm(&s.center) < 0.5 * diameter_mm;
             if let Some(&Site { row, column, center }) = sites.iter().find(out) {
                 return Err(PhantomError::CalcificationOutside { row, column, center });
@@ -175,14 +181,10 @@ impl Phantom {
 
 /// The masses of a plan, each within the breast.
 pub fn masses(
-    surface: &TriMesh,
+    inside: &Inside,
     places: &Places,
     plan: &MammogramPlan,
 ) -> Result<Vec<(Ellipsoid, Material)>, PhantomError> {
-    if plan.masses.is_empty() {
-        return Ok(Vec::new());
-    }
-    let inside = Inside::of(surface)?;
     let mut all: Vec<(Ellipsoid, Material)> = Vec::new();
     for (number, mass) in plan.masses.iter().enumerate() {
         let stated = mass.center_mm.map(Vec3::from);

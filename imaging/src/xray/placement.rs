@@ -40,8 +40,9 @@ impl Places {
     /// Without a stated middle the matrix goes where most of it lies between the plates, and there as
     /// far as possible from where the breast leaves them: the smallest distance over its
     /// calcifications is as large as can be, measured as the square regions of interest are (largest of
-    /// |Δx|, |Δy|), and what does not lie in tissue is left out. With one all are given.
-    pub fn sites(&self, plan: &CalcificationPlan) -> Vec<Site> {
+    /// |Δx|, |Δy|), and what does not lie in tissue, or not so that `fits` says yes of its centre (mm), is left out. With
+    /// one all are given.
+    pub fn sites(&self, plan: &CalcificationPlan, fits: &dyn Fn(&Vec3) -> bool) -> Vec<Site> {
         let map = &self.map;
         let steps = |count: usize| (0..count).map(move |n| n as f64 - 0.5 * (count as f64 - 1.0));
         let offsets: Vec<(usize, usize, [f64; 2])> = steps(plan.rows)
@@ -78,7 +79,7 @@ impl Places {
             }
         }
         let kept = best.1.into_iter().filter(|&(_, _, x, y)| self.is_tissue(x, y));
-        kept.map(site).collect()
+        kept.map(site).filter(|site| fits(&site.center)).collect()
     }
 
     fn is_tissue(&self, x: f64, y: f64) -> bool {
@@ -194,7 +195,7 @@ mod tests {
     use crate::xray::shapes::{cuboid, half_cylinder};
 
     fn sites(surface: &TriMesh, thickness_mm: f64, plan: &CalcificationPlan) -> Vec<Site> {
-        Places::of(surface, thickness_mm).unwrap().sites(plan)
+        Places::of(surface, thickness_mm).unwrap().sites(plan, &|_| true)
     }
 
     fn plan(rows: usize, columns: usize) -> CalcificationPlan {

@@ -102,8 +102,9 @@ pub fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
     if arguments.studies.len() < 2 {
         return Err(Failure::Usage("study compare: name at least two studies".into()));
     }
-    let (mut all, mut entries, mut told) = (Vec::new(), [0, 0], Vec::new());
+    // Nothing is computed before all is found sound.
     let mut juxtathoracic_mm = None;
+    let mut studies = Vec::new();
     for (file, label) in arguments.studies.iter().zip(labels(&arguments.studies)?) {
         let one = StudyArguments { study: file.clone(), out: None };
         let (opened, plan) = read(&one, arguments.no_picture)?;
@@ -115,6 +116,11 @@ pub fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
             );
             return Err(Failure::Usage(text));
         }
+        opened.refuse_wrong(&findings(&opened.study, &opened.base))?;
+        studies.push((opened, plan, label));
+    }
+    let (mut all, mut entries, mut told) = (Vec::new(), [0, 0], Vec::new());
+    for (opened, plan, label) in studies {
         told.push(format!("{label}: {}", stated(&opened.study.mesh, &plan.law)));
         // As in a run: its results are used.
         let (ways, counts) = pressed(&opened, &[(String::new(), plan)])?;
@@ -132,10 +138,12 @@ pub fn compare(arguments: &CompareArguments) -> Result<(), Failure> {
     written(&arguments.out, &sheet, &all, entries)
 }
 
-/// What to call studies: by their files, by their folders where files have one name, by both otherwise.
+/// What to call studies, in tables and names of files: by their files, by their folders where files have one name, by both
+/// otherwise.
 fn labels(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
-    let text = |part: Option<&std::ffi::OsStr>| {
-        part.map_or_else(|| "study".to_owned(), |part| part.to_string_lossy().replace('.', "-"))
+    let text = |part: Option<&std::ffi::OsStr>| -> String {
+        let plain = |c: char| if c.is_alphanumeric() || c == '_' { c } else { '-' };
+        part.map_or("study".into(), |part| part.to_string_lossy().chars().map(plain).collect())
     };
     let folder = |file: &PathBuf| {
         let whole = fs::canonicalize(file).unwrap_or_else(|_| file.clone());
@@ -167,6 +175,7 @@ fn go(
     name: &'static str,
     plans: &[(String, CompressPlan)],
 ) -> Result<(), Failure> {
+    opened.refuse_wrong(&findings(&opened.study, &opened.base))?;
     let (ways, counts) = pressed(opened, plans)?;
     let read = &opened.study;
     let sheet = Sheet {
@@ -180,12 +189,11 @@ fn go(
     written(&opened.store.out.join("studies").join(name), &sheet, &ways, counts)
 }
 
-/// Computes what is not there; stages that were computed, and all.
+/// Computes what is not there, of a study without wrong findings; stages that were computed, and all.
 fn pressed(
     opened: &Opened,
     plans: &[(String, CompressPlan)],
 ) -> Result<(Vec<Way>, [usize; 2]), Failure> {
-    opened.refuse_wrong(&findings(&opened.study, &opened.base))?;
     let display = Display::new();
     let Opened { study: read, base, store, .. } = opened;
     let options = Options::default();

@@ -43,6 +43,8 @@ pub fn stiffening(arguments: &StiffeningArguments) -> Result<(), Failure> {
     }
     let mut opened = open(&arguments.study)?;
     opened.study.mammogram = None;
+    // Curves are read alone: deviations of comfort would cost as much again, and more.
+    opened.study.comfort = opened.study.comfort.without_uncertainty();
     let Some(plan) = opened.study.compress.clone() else {
         let text = format!("{}: has no table [compress]", arguments.study.study.display());
         return Err(Failure::BadInput(text));

@@ -102,8 +102,19 @@ impl Found {
 }
 
 /// What is said with standard deviations of comfort; empty where the study asks for none. `all` has the names of ways
-/// with what theirs rest on.
+/// with what theirs rest on, all of one person and fit.
 pub fn deviations_stated<'a>(all: impl Iterator<Item = (&'a str, &'a str)>) -> String {
+    let said = deviations_of_each(all);
+    if said.is_empty() {
+        return said;
+    }
+    format!(
+        "{said} All ways share these errors: what two ways differ by is known better than either."
+    )
+}
+
+/// The same of ways that share nothing.
+pub fn deviations_of_each<'a>(all: impl Iterator<Item = (&'a str, &'a str)>) -> String {
     let mut by_text: Vec<(&str, Vec<&str>)> = Vec::new();
     for (way, said) in all {
         match by_text.iter_mut().find(|(known, _)| *known == said) {
@@ -117,8 +128,7 @@ pub fn deviations_stated<'a>(all: impl Iterator<Item = (&'a str, &'a str)>) -> S
     let one = |(said, ways): &(&str, Vec<&str>)| format!("{}: {said}", ways.join(", "));
     let said: Vec<String> = by_text.iter().map(one).collect();
     format!(
-        "± one standard deviation of comfort, from what each of these changes when it is that much larger. {}. All ways share \
-         these errors: what two ways differ by is known better than either.",
+        "± one standard deviation of comfort, from what each of these changes when it is that much larger. {}.",
         said.join("; ")
     )
 }
@@ -162,13 +172,18 @@ pub fn differences(first: &Found, other: &Found) -> Vec<Difference> {
     all
 }
 
+/// Whether two compressions are of one breast in one mesh.
+fn same_body(first: &Compression, other: &Compression) -> bool {
+    first.side == other.side && first.mesh.tets == other.mesh.tets
+}
+
 /// How far (mm) tissue lies nearer to the chest wall than in the first way: the largest and the 95th
-/// percentile of the nodes that lie between the plates then. `None` when the meshes differ.
+/// percentile of the nodes that lie between the plates then. `None` when they are of two bodies.
 pub fn shift_to_wall(first: &Compression, other: &Compression) -> Option<[f64; 2]> {
-    let (a, b) = (&first.solution.points, &other.solution.points);
-    if a.len() != b.len() {
+    if !same_body(first, other) {
         return None;
     }
+    let (a, b) = (&first.solution.points, &other.solution.points);
     // Both frames begin at the plates' edge, which may lie elsewhere on the chest.
     let edges = |c: &Compression| c.to_detector.inverse().point(&mammotwin_data::Vec3::zeros());
     let away = first.to_detector.inverse().direction(&mammotwin_data::Vec3::y());

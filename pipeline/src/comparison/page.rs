@@ -1,8 +1,8 @@
 //! Comparisons as one page that needs no other file.
 
 use super::{
-    Agreement, Difference, Found, ThesisStudy, Way, deviations_stated, differences, shift_to_wall,
-    trends,
+    Agreement, Difference, Found, ThesisStudy, Way, deviations_of_each, deviations_stated,
+    differences, shift_to_wall, trends,
 };
 use crate::page::{FIGURES_AND_TABLES, begin, give_or_take, number, table};
 use mammotwin_data::{mesh::Patch, surface::TriMesh};
@@ -119,9 +119,12 @@ pub fn page(
     for line in stated.lines() {
         let _ = writeln!(html, "<p>{}</p>", escaped(line));
     }
-    let said = |(way, found): &(&Way, &Found)| Some((way.label.clone(), found.deviations.clone()?));
-    let said: Vec<(String, String)> = found.iter().filter_map(said).collect();
-    let said = deviations_stated(said.iter().map(|(way, said)| (way.as_str(), said.as_str())));
+    let said = found.iter().filter_map(|(way, f)| Some((&*way.label, f.deviations.as_deref()?)));
+    let said = match study {
+        Some(_) => deviations_stated(said),
+        // Other persons, or other fits.
+        None => deviations_of_each(said),
+    };
     if !said.is_empty() {
         let _ = writeln!(html, "<p>{}</p>", escaped(&said));
     }

@@ -19,11 +19,13 @@ pub fn stated(mesh: &MeshPlan, law: &CompressLaw) -> String {
 
 /// One row a way: how it was compressed, how that ended, all metrics, their standard deviations where there are some.
 pub fn summary(ways: &[Way]) -> String {
-    let names: Vec<&str> = ways
-        .iter()
-        .filter_map(|way| way.found.as_ref().ok())
-        .max_by_key(|found| found.metrics.len())
-        .map_or(Vec::new(), |found| found.metrics.iter().map(|m| m.name.as_str()).collect());
+    // What any has, in the order in which it comes.
+    let mut names: Vec<&str> = Vec::new();
+    for metric in ways.iter().flat_map(|way| &way.found).flat_map(|found| &found.metrics) {
+        if !names.contains(&metric.name.as_str()) {
+            names.push(&metric.name);
+        }
+    }
     let found = || ways.iter().filter_map(|way| way.found.as_ref().ok());
     let uncertain: Vec<&str> =
         names.iter().copied().filter(|name| found().any(|f| f.sd(name).is_finite())).collect();

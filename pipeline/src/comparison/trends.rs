@@ -1,7 +1,7 @@
 //! Published compressions of women beside ours, without absolute forces: what both say of the form of the curve, and
 //! of where the force rests.
 
-use super::{Found, Way};
+use super::{Found, Way, same_body};
 use crate::page::number;
 use mammotwin_data::{
     mesh::Patch,
@@ -229,7 +229,10 @@ fn flexible_agreements(all: &mut Vec<Agreement>, found: &[(&Way, &Found)], juxta
     for (way, one) in found.iter().filter(|(way, _)| kind(way.plan.paddle) == Some("flexible")) {
         let mm = way.plan.chest_wall_distance_mm;
         let is_rigid = |other: &&(&Way, &Found)| {
-            other.0.plan.paddle == PaddleName::Rigid && other.0.plan.chest_wall_distance_mm == mm
+            other.0.plan.paddle == PaddleName::Rigid
+                && other.0.plan.chest_wall_distance_mm == mm
+                && other.0.plan.view == way.plan.view
+                && same_body(&other.1.compression, &one.compression)
         };
         let Some((_, rigid)) = found.iter().find(is_rigid) else { continue };
         let both = [rigid, one].map(|f| on_the_breast(&f.compression, juxtathoracic_mm));

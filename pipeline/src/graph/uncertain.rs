@@ -7,7 +7,7 @@ use mammotwin_data::{
     study::{CompressPlan, Study},
 };
 use mammotwin_stages::{
-    calibrate::Calibration,
+    calibrate::{Calibration, FITTED},
     comfort::Comfort,
     compress::Compression,
     mesh::BreastMesh,
@@ -15,10 +15,8 @@ use mammotwin_stages::{
 };
 
 /// Whether the modulus of the breast that is compressed is fitted.
-pub(super) fn is_fitted(study: &Study) -> bool {
-    let side = study.compress.as_ref().map(|plan| plan.side);
-    let key = side.map(|side| format!("breast.young_{}_kpa", side.name()));
-    key.is_some_and(|key| study.calibrate.parameters.contains(&key))
+fn is_fitted(study: &Study, plan: &CompressPlan) -> bool {
+    study.calibrate.parameters.iter().any(|key| key == FITTED[plan.side as usize])
 }
 
 /// The same model with the fitted moduli one standard deviation higher.
@@ -41,10 +39,30 @@ pub(crate) fn stiffer(
     run.stage("", &stage, ((mesh, calibration), (first, &motions[..], &surfaces[..])))
 }
 
-/// Label of what differs from `label` by what is varied.
+/// The fit of stiffer breasts, or why there is none.
+pub(super) type Raised = Result<Stored<Calibration>, String>;
+
+/// That fit, once for all ways; `None` where nobody asks for it.
+pub(super) fn raised<'a>(
+    study: &Study,
+    mut plans: impl Iterator<Item = &'a CompressPlan>,
+    outcome: &Outcome,
+    run: &Run<'_>,
+) -> Result<Option<Raised>, Failure> {
+    if !study.comfort.uncertainty || !plans.any(|plan| is_fitted(study, plan)) {
+        return Ok(None);
+    }
+    match stiffer(study, outcome, run) {
+        Ok(calibration) => Ok(Some(Ok(calibration))),
+        Err(Failure::Numerics(why) | Failure::BadInput(why)) => Ok(Some(Err(why))),
+        Err(other) => Err(other),
+    }
+}
+
+/// Label of what differs from `label` by what is varied; no way is called so, since names of ways have no full stop.
 fn with(label: &str, varied: Varied) -> String {
     let name = varied.name();
-    if label.is_empty() { name.into() } else { format!("{label}_{name}") }
+    if label.is_empty() { name.into() } else { format!("{label}.{name}") }
 }
 
 /// A compression that differs from one of `label` by what is varied.
@@ -65,15 +83,22 @@ pub(super) fn deviate(
     plan: &CompressPlan,
     label: &str,
     run: &Run<'_>,
-    (outcome, stiffer): (&Outcome, Option<&Stored<Calibration>>),
+    (outcome, raised): (&Outcome, Option<&Raised>),
     squeezed: &mut Squeezed,
 ) -> Result<(), Failure> {
     let mut stage = Deviations { comfort: study.comfort, varied: Vec::new(), failed: None };
     let (mut others, mut comforts) = (Vec::new(), Vec::new());
-    for (what, other) in variations(plan, &study.comfort, stiffer.is_some()) {
-        let calibration = stiffer.filter(|_| what == Varied::Moduli);
-        let body = (&outcome.mesh, calibration.unwrap_or(&outcome.calibration));
-        match varied(study, (what, &other), label, run, body) {
+    let raised = raised.filter(|_| is_fitted(study, plan));
+    for (what, other) in variations(plan, &study.comfort, raised.is_some()) {
+        let calibration = match raised.filter(|_| what == Varied::Moduli) {
+            None => &outcome.calibration,
+            Some(Ok(calibration)) => calibration,
+            Some(Err(why)) => {
+                stage.failed.get_or_insert(format!("{}: {why}", what.name()));
+                continue;
+            }
+        };
+        match varied(study, (what, &other), label, run, (&outcome.mesh, calibration)) {
             Ok(compression) => {
                 let comfort = Comfort { plan: study.comfort.without_uncertainty() };
                 comforts.push(run.stage(&with(label, what), &comfort, &compression)?);
@@ -89,4 +114,16 @@ pub(super) fn deviate(
     let first = (&squeezed.metrics[0], &squeezed.compression, &outcome.calibration);
     squeezed.metrics[0] = run.stage(label, &stage, (first, &others[..], &comforts[..]))?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Designs may be called `thin` and `thin_place`.
+    #[test]
+    fn no_other_way_is_called_as_one_that_is_varied() {
+        assert_eq!(with("thin", Varied::Place), "thin.place");
+        assert_eq!(with("", Varied::Jm), "jm");
+    }
 }

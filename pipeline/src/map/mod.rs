@@ -86,13 +86,13 @@ pub struct Mapped {
 }
 
 /// What a map needs beside a finished study: the fit of the stiffer model, and its compression where there is one.
-pub type Stiffer = (Stored<Calibration>, Option<Stored<Compression>>);
+pub type StifferBody = (Stored<Calibration>, Option<Stored<Compression>>);
 
 /// Runs the stages of that.
 ///
 /// # Errors
 /// As of the stages.
-pub fn stiffer(study: &Study, run: &Run<'_>) -> Result<Stiffer, Failure> {
+pub fn stiffer(study: &Study, run: &Run<'_>) -> Result<StifferBody, Failure> {
     let outcome = graph::body(study, run)?;
     let fit = graph::stiffer(study, &outcome, run)?;
     let press = |plan| graph::varied(study, (Varied::Moduli, plan), "", run, (&outcome.mesh, &fit));

@@ -6,6 +6,7 @@ use super::{
 };
 use crate::page::begin;
 use mammotwin_data::study::Study;
+use mammotwin_solver::unload;
 use mammotwin_stages::{
     report::{
         chart::{Axis, Chart, Line, lines},
@@ -189,6 +190,19 @@ fn said(map: &ErrorMap, rows: &[Errors]) -> String {
          modulus at each point; as each moves its own skin, the distances of a side are those of its own \
          modulus. Framed: the least."
     );
+    let limits = unload::Options::default();
+    let loose = points(map, rows)
+        .filter_map(|(_, point)| point.round_trip_mm)
+        .filter(|&mm| mm > limits.tolerance_mm);
+    let (loose, worst_mm) = loose.fold((0, 0.0), |(n, worst), mm| (n + 1, f64::max(worst, mm)));
+    if loose > 0 {
+        let _ = write!(
+            text,
+            " Of {loose} the stress-free shape does not come back to the reference pose within {} mm (rms; at \
+             worst {worst_mm:.2} mm): their distances are as uncertain.",
+            limits.tolerance_mm
+        );
+    }
     let mut best: Vec<(&str, [f64; 3], f64)> = Vec::new();
     for ([skin, fascia], point) in points(map, rows) {
         for pose in &point.poses {

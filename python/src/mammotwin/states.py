@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,8 +25,9 @@ class Checks:
     max_gap_mm: float
     force_imbalance: float
     moment_imbalance: float
-    internal_imbalance: float
     friction_lag: float
+    #: NaN in results of before it was measured.
+    internal_imbalance: float = math.nan
 
 
 def read_mesh(group: Group) -> Mesh:
@@ -89,7 +91,8 @@ class State:
     def checks(self) -> Checks:
         """How well the equilibrium was reached."""
         checks = self._group.group("solution/checks")
-        number = {name: checks.number(name) for name in Checks.__dataclass_fields__}
+        known = set(checks.names())
+        number = {name: checks.number(name) for name in Checks.__dataclass_fields__ if name in known}
         number["iterations"], number["steps"] = int(number["iterations"]), int(number["steps"])
         return Checks(**number)
 

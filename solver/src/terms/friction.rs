@@ -100,9 +100,12 @@ impl Hold {
         Self { pressure, normal, pull: along(&normal, self.pull), ..*self }
     }
 
-    /// Lets the multiplier of a rough surface bear what the slip of a node at `place` bears, at a stiffness (kPa/mm).
+    /// Lets the multiplier of a rough surface bear what the slip of a node at `place` bears, at a stiffness (kPa/mm); one
+    /// that was not pressed on bore nothing.
     pub fn bear(&mut self, place: &Vec3, stick_kpa_per_mm: f64) {
-        self.pull += stick_kpa_per_mm * self.slip(place);
+        if self.pressure > 0.0 {
+            self.pull += stick_kpa_per_mm * self.slip(place);
+        }
     }
 
     /// Renews pressure and plane; a pressure that goes to and fro goes half the way.
@@ -208,6 +211,10 @@ mod tests {
         assert_eq!(law.response(&hold, &place, stick), Response::NONE);
         hold.drag(law, &place);
         assert_eq!((hold.anchor, hold.pull), (place, Vec3::zeros()));
+        // The way that it went then is none that the surface held back.
+        hold.bear(&Vec3::new(2.0, 0.0, 0.4), stick);
+        hold.renew(1.5, Vec3::z());
+        assert_eq!(hold.pull, Vec3::zeros());
     }
 
     #[test]

@@ -1,11 +1,12 @@
 //! The breast-like body between two plates, 132 mm apart at first.
 
 use super::Body;
-use mammotwin_data::{Vec3, mesh::Patch, progress::Silent};
+use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, progress::Silent};
+use mammotwin_solver::assemble::{Assembly, State};
 use mammotwin_solver::compress::{Closing, Compressed, Plates, Stops, compress};
 use mammotwin_solver::materials::Law;
 use mammotwin_solver::paddles::{Outline, Paddle};
-use mammotwin_solver::terms::Bulk;
+use mammotwin_solver::terms::{Bulk, Load};
 use mammotwin_solver::{Model, Options};
 
 /// Where the plates' edges are, from the base (mm).
@@ -24,6 +25,20 @@ pub struct Squeeze {
 }
 
 impl Squeeze {
+    /// Rigid, endless and smooth plates with edges of 10 mm.
+    pub fn rigid(law: Law, step_mm: f64, goal_mm: f64) -> Self {
+        Self {
+            law,
+            radius_mm: 10.0,
+            paddle: Paddle::Rigid,
+            outline: Outline::ENDLESS,
+            middle_mm: 0.0,
+            friction: 0.0,
+            step_mm,
+            stops: Stops::at_thickness(goal_mm),
+        }
+    }
+
     /// The plates against the skin of a body.
     pub fn plates(&self, body: &Body) -> Plates {
         Plates {
@@ -39,6 +54,18 @@ impl Squeeze {
         }
     }
 
+    /// Both plates come alike.
+    pub fn closing(&self) -> Closing {
+        Closing {
+            receptor_mm: -66.0,
+            thickness_mm: 132.0,
+            receptor_share: 0.5,
+            lift_mm: 0.0,
+            step_mm: self.step_mm,
+            stops: self.stops,
+        }
+    }
+
     /// Closes the plates on a body that is held at its chest wall.
     pub fn press(&self, body: &Body) -> Compressed {
         let mesh = &body.mesh;
@@ -48,17 +75,9 @@ impl Squeeze {
         for node in mesh.patch_nodes(Patch::ChestWall) {
             model.fix_node(node);
         }
-        let closing = Closing {
-            receptor_mm: -66.0,
-            thickness_mm: 132.0,
-            receptor_share: 0.5,
-            lift_mm: 0.0,
-            step_mm: self.step_mm,
-            stops: self.stops,
-        };
         let plates = self.plates(body);
         let options = Options::default();
-        compress(model, &plates, &closing, &mesh.points, &options, &Silent).unwrap()
+        compress(model, &plates, &self.closing(), &mesh.points, &options, &Silent).unwrap()
     }
 
     /// The same, and says how.
@@ -84,4 +103,50 @@ impl Squeeze {
         println!("{:?}: {met:?} {stopped_early:?} {:?}", clock.elapsed(), solution.checks);
         done
     }
+}
+
+/// A block of 20 mm between plates that reach beyond it and close to 14 mm.
+pub fn flat(mesh: &TetMesh, law: Law, friction: f64) -> (Plates, Compressed) {
+    let mut model = Model::new(mesh);
+    model.add(Bulk::new("block", mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
+    // So that a block without friction has a place.
+    let first = mesh.patch_nodes(Patch::ChestWall)[0];
+    model.fix(first, 0);
+    model.fix(first, 1);
+    model.fix(1, 0);
+    let faces = [Patch::ChestWall, Patch::Skin].iter().flat_map(|&p| mesh.patch(p)).copied();
+    let plates = Plates {
+        axis: Vec3::z(),
+        away: Vec3::x(),
+        edge_mm: -1e3,
+        radius_mm: 1.0,
+        friction,
+        paddle: Paddle::Rigid,
+        outline: Outline::ENDLESS,
+        middle_mm: 0.0,
+        faces: faces.collect(),
+    };
+    let closing = Closing {
+        receptor_mm: 0.0,
+        thickness_mm: 20.0,
+        receptor_share: 0.0,
+        lift_mm: 0.0,
+        step_mm: 2.0,
+        stops: Stops::at_thickness(14.0),
+    };
+    let options = Options::default();
+    let done = compress(model, &plates, &closing, &mesh.points, &options, &Silent).unwrap();
+    (plates, done)
+}
+
+/// Forces (mN) on the nodes of a body at `points` by its tissue alone, as its gradient: what holds it has the opposite.
+pub fn of_tissue(mesh: &TetMesh, law: Law, points: &[Vec3]) -> Vec<Vec3> {
+    let mut model = Model::new(mesh);
+    model.add(Bulk::new("tissue", mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
+    let mut assembly = Assembly::new(&model).unwrap();
+    let mut state = State::new(&model, points.to_vec(), Load::GRAVITY);
+    let mut pressure = Vec::new();
+    assembly.energy(&model, &state, points, &mut pressure).unwrap();
+    state.pressure = pressure;
+    assembly.term_gradients(&model, &state).unwrap().remove(0)
 }

@@ -19,7 +19,7 @@ use mammotwin_data::{
 use nalgebra::{DMatrix, DVector, Vector2};
 
 /// Moduli between which the search stays (kPa).
-pub(super) const BOUNDS_KPA: [f64; 2] = [0.05, 20.0];
+const BOUNDS_KPA: [f64; 2] = [0.05, 20.0];
 /// Trials at most.
 const MAX_TRIALS: usize = 9;
 /// First change of the logarithms of the moduli, and the largest in one step.

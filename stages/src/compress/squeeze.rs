@@ -153,8 +153,8 @@ impl Compress {
             ReceptorName::Nipple => {
                 let nipple = plates.axis.dot(&points[nipple_node as usize]);
                 let middle = nipple.clamp(low, low + height) + raised_mm;
-                let beyond = (low - middle).max(middle - low - height);
-                if beyond > 0.0 {
+                if !(low..=low + height).contains(&middle) {
+                    let beyond = (low - middle).max(middle - low - height);
                     return Err(too_far("the middle between the plates", beyond));
                 }
                 let thickness_mm = 2.0 * (low + height - middle).max(middle - low);
@@ -162,6 +162,11 @@ impl Compress {
             }
             ReceptorName::Fold => {
                 let goal = fold_mm + raised_mm;
+                if fold_mm >= low + height {
+                    let text = "compress.receptor: the fold lies above the breast under the paddle; choose \"nipple\", or \
+                                another distance from the chest wall";
+                    return Err(Failure::BadInput(text.into()));
+                }
                 if goal >= low + height {
                     return Err(too_far("the receptor", goal - low - height));
                 }

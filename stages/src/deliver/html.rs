@@ -125,9 +125,10 @@ impl Stage for Report {
         }
         let fitted = calibration.after.poses.iter();
         let poses = fitted.chain(validations.iter().map(|held_out| &held_out.after));
+        let corners = mesh.corners();
         let stretched = poses.map(|fit| {
             let state = format!("Simulated pose {}", fit.pose);
-            fits::stretched(&state, &fit.solution.points, &mesh.mesh.tets)
+            fits::stretched(&state, &fit.solution.points, &corners.tets)
         });
         input.warnings.extend(stretched.flatten());
         input.warnings.extend(

@@ -1,5 +1,6 @@
 //! The score that chance and a systematic error exceed once in a hundred times.
 
+use super::signature::farthest;
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -104,8 +105,7 @@ pub(super) fn limit(curves: &[&Curve], systematic: f64) -> f64 {
     // What the change by a large amplitude has with all the others.
     let biases: Vec<DVector<f64>> = (0..n)
         .map(|k| {
-            let [least, greatest] = curves[k].range;
-            let sign = if -least > greatest { -1.0 } else { 1.0 };
+            let sign = farthest(curves[k].range).signum();
             let along = sign * products.column(k) + products.column(n + k);
             let square = sign * along[k] + along[n + k];
             if square > 0.0 { along * (-systematic / square.sqrt()) } else { DVector::zeros(2 * n) }

@@ -74,7 +74,7 @@ pub struct Evidence {
     pub signatures: Vec<Signature>,
     /// Effects without a signature: the model has no equilibrium with them.
     pub failed: Vec<String>,
-    /// Differences (mm) to the same model on the finest meshes that it stands on.
+    /// Differences (mm) to the same model on the last of the other meshes that it stands on, the finest unless one of these fails.
     pub meshings: Vec<DVector<f64>>,
     /// By how much errors of the reference pose grow on their way into the residuals.
     pub growth: DVector<f64>,

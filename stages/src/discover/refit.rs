@@ -140,13 +140,20 @@ impl Refit<'_> {
         let start =
             State { residual: self.whitened(&all), unknowns: none, solution: self.start.clone() };
         let (first, jacobian) = (DVector::from_vec(first), DMatrix::from_columns(&columns));
-        let End { at, jacobian, unsettled } = descend(&model, start, first, jacobian, &limits);
+        let End { at, jacobian, mut unsettled } = descend(&model, start, first, jacobian, &limits);
         let (mut amplitude, mut amplitude_sd, mut out) = (0.0, f64::NAN, 0.0);
         if let Some(range) = limits.range {
             amplitude = at.unknowns[2];
-            amplitude_sd = deviation(&jacobian);
-            let step = least_squares(&jacobian, &at.residual)[2] / amplitude_sd;
-            out = beyond(range, amplitude, step);
+            match deviation(&jacobian) {
+                Some(deviation) => {
+                    let step = least_squares(&jacobian, &at.residual)[2] / deviation;
+                    (amplitude_sd, out) = (deviation, beyond(range, amplitude, step));
+                }
+                None => {
+                    amplitude_sd = range[1] - range[0];
+                    unsettled.get_or_insert("its amplitude changes nothing there".into());
+                }
+            }
         }
         let best = Fitted {
             residual: model.all(&at.unknowns, &at.solution),
@@ -202,10 +209,10 @@ impl Model for Solutions<'_> {
     }
 }
 
-/// Standard deviation of the third unknown of whitened residuals.
-fn deviation(jacobian: &DMatrix<f64>) -> f64 {
-    let covariance = (jacobian.transpose() * jacobian).try_inverse();
-    covariance.map_or(f64::NAN, |c| c[(2, 2)].max(0.0).sqrt())
+/// Standard deviation of the third unknown of whitened residuals; `None` where they do not tell it.
+fn deviation(jacobian: &DMatrix<f64>) -> Option<f64> {
+    let covariance = (jacobian.transpose() * jacobian).try_inverse()?;
+    Some(covariance[(2, 2)].sqrt()).filter(|sd| sd.is_finite())
 }
 
 #[cfg(test)]

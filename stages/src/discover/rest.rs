@@ -62,7 +62,7 @@ impl Rest {
     ) -> [f64; 2] {
         let directions = self.directions(whitener, fitted);
         if directions.ncols() == 0 {
-            return [0.0, f64::INFINITY];
+            return [0.0; 2];
         }
         let left = directions.transpose() * whitener.whiten(residual);
         [left.norm_squared(), rare(directions.ncols() as f64, systematic.powi(2))]

@@ -71,8 +71,7 @@ impl Signature {
 
     /// The large amplitude, with the sign of the largest plausible one.
     pub(super) fn far(&self) -> f64 {
-        let [least, greatest] = self.range;
-        if -least > greatest { -self.reach } else { self.reach }
+        farthest(self.range).signum() * self.reach
     }
 
     /// Some of the rows.
@@ -257,7 +256,7 @@ impl Explained {
     /// The least amplitude, of the sign of the largest plausible one, whose change has a size (standard deviations); `None`
     /// where no plausible one has.
     pub fn amplitude_of(&self, size: f64) -> Option<f64> {
-        let step = self.farthest() / TRIED as f64;
+        let step = farthest(self.range) / TRIED as f64;
         let above = (1..=TRIED).map(|n| n as f64 * step).find(|&a| self.size(a) >= size)?;
         let mut between = [above - step, above];
         for _ in 0..REFINED {
@@ -269,13 +268,13 @@ impl Explained {
 
     /// Size of the change by the largest plausible amplitude.
     pub fn largest(&self) -> f64 {
-        self.size(self.farthest())
+        self.size(farthest(self.range))
     }
+}
 
-    fn farthest(&self) -> f64 {
-        let [least, greatest] = self.range;
-        if -least > greatest { least } else { greatest }
-    }
+/// The end of a range of amplitudes that is farther from nothing, the greatest where both are alike: there changes are computed.
+pub(super) fn farthest([least, greatest]: [f64; 2]) -> f64 {
+    if -least > greatest { least } else { greatest }
 }
 
 #[cfg(test)]

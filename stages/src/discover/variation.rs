@@ -11,7 +11,7 @@ use super::{
     course::{Change, Course},
     observe::{carried, part, residual},
     refit::{plausible, with_effect},
-    signature::{Projector, Signature},
+    signature::{Projector, Signature, farthest},
 };
 use crate::{
     calibrate::{Experiment, Fit},
@@ -169,8 +169,8 @@ impl Variation<'_> {
         let Amplitude { small, .. } = effect.amplitude;
         let [least, greatest] = plausible(self.plan, effect);
         // Less of it, where the study has nearly as much as is plausible.
-        let (sign, farthest) =
-            if greatest > 2.0 * small { (1.0, greatest) } else { (-1.0, -least) };
+        let end = farthest([least, greatest]);
+        let (sign, farthest) = (end.signum(), end.abs());
         let small = sign * small;
         let plan = |amplitude: f64| with_effect(self.plan, effect, amplitude);
         let own = |amplitude: f64, logs| self.own(&plan(amplitude), logs).ok();

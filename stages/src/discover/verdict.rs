@@ -330,7 +330,8 @@ impl<'a> Judge<'a> {
         let found = scores.iter().any(|score| score.testable && score.z > *limit);
         let settled = || verdict.candidates.iter().filter(|c| c.unsettled.is_none());
         let Some(best) = settled().next().filter(|_| found) else {
-            let largest = scores.iter().map(|score| score.z).fold(0.0, f64::max);
+            let shown = scores.iter().filter(|score| score.testable);
+            let largest = shown.map(|score| score.z).fold(0.0, f64::max);
             let reason = format!("the largest score is {largest:.1}, below {limit:.1}: by chance");
             (verdict.verdict, verdict.reason) = unexplained(reason);
             let blind = scores.iter().all(|score| !score.testable);

@@ -5,6 +5,7 @@ use mammotwin_data::{Vec3, surface::TriMesh};
 use mammotwin_imaging::xray::{
     attenuation::{AttenuationError, Material},
     geometry::Geometry,
+    phantom::SKIN_MM,
     raster::{RasterError, Window, path_lengths},
     spectrum::{Spectrum, UnknownBeam},
     transport::{
@@ -227,7 +228,7 @@ impl Field {
             cells: Some(CELLS),
             ..Setup::usual(body.glandularity)?
         };
-        let closed = Closed::new(&body.surface, fineness.step_mm, 1.45, MEDIA)?;
+        let closed = Closed::new(&body.surface, fineness.step_mm, SKIN_MM, MEDIA)?;
         // Collimated to the cells.
         let [columns, rows] = CELLS;
         let geometry = Geometry { columns, rows, ..Geometry::pristina(CELL_MM) };

@@ -4,6 +4,7 @@ use crate::xray::{
     attenuation::{AttenuationError, Material},
     dose::{DoseBeam, DoseError, average_glandular_dose},
     geometry::Geometry,
+    phantom::SKIN_MM,
     raster::RasterError,
     shapes::Rounded,
     spectrum::{Spectrum, UnknownBeam},
@@ -65,7 +66,7 @@ impl Shield {
     fn thickness_mm(self) -> f64 {
         match self {
             Self::Fat5 => 5.0,
-            Self::Skin => 1.45,
+            Self::Skin => SKIN_MM,
         }
     }
 

@@ -157,7 +157,10 @@ fn refit(case: &Case, results: &mut tally::Results) -> Result<(), Failure> {
             let truth = Some((effect.name, amplitude));
             results.extend([Trial::new(Tier::Refit, case.seed, truth, case.sigma, &found.verdict)]);
         }
-        Err(Failure::Numerics(why)) => results.failed(effect.name, case.sigma, &why),
+        Err(Failure::Numerics(why)) => {
+            let why = format!("fits of the model itself: {why}");
+            results.failed(effect.name, case.sigma, &why);
+        }
         Err(other) => return Err(other),
     }
     Ok(())

@@ -61,7 +61,8 @@ impl Trial {
         verdict: &Verdict,
     ) -> Self {
         let of_truth = truth.and_then(|(name, amplitude)| {
-            let fitted = verdict.candidates.iter().find(|c| c.effect == name)?;
+            let fitted =
+                verdict.candidates.iter().find(|c| c.effect == name && c.unsettled.is_none())?;
             Some((fitted.amplitude, amplitude))
         });
         let covered = of_truth

@@ -94,7 +94,10 @@ impl Kept {
         same.then_some(done.course)
     }
 
-    /// Presses what is missing; what begins too late is `None`.
+    /// Presses what is missing; what has no equilibrium is `None`.
+    ///
+    /// # Errors
+    /// [`Failure::Numerics`] when the time does not last: missing compressions would read as physics.
     fn press(&self, ways: &[Way], task: &Task, from: f64) -> Result<Vec<Option<Pressed>>, Failure> {
         let missing: Vec<Way> = ways.iter().filter(|w| self.read(w).is_none()).cloned().collect();
         let begins = || self.end.is_none_or(|end| Instant::now() < end);
@@ -116,6 +119,13 @@ impl Kept {
                 Ok(())
             };
             press_all(&self.person, &missing, &begins, &keep)?;
+        }
+        let left = ways.iter().filter(|way| self.read(way).is_none()).count();
+        if left > 0 {
+            let all = ways.len();
+            return Err(Failure::Numerics(format!(
+                "study force-curve: no time for {left} of {all} compressions; the same command goes on there"
+            )));
         }
         Ok(ways.iter().map(|way| self.read(way).flatten()).collect())
     }

@@ -84,6 +84,8 @@ fn analyse(
     let arguments_of = StudyArguments { study: path.into(), out: arguments.out.clone() };
     let mut opened = open(&arguments_of)?;
     opened.study.mammogram = None;
+    // Curves are read alone: deviations of comfort would cost as much again, and more.
+    opened.study.comfort = opened.study.comfort.without_uncertainty();
     let Some(plan) = opened.study.compress.clone() else {
         return Err(Failure::BadInput(format!("{}: has no table [compress]", path.display())));
     };
