@@ -4,6 +4,7 @@ use crate::{graph::Outcome, score::Estimates};
 use mammotwin_data::Failure;
 use mammotwin_data::labels::Tissue;
 use mammotwin_stages::{
+    calibrate::Parameter,
     fiducials::{Fiducials, Miss, Summary},
     pose::PoseFit,
     surface,
@@ -40,9 +41,10 @@ pub fn estimates(outcome: &Outcome) -> Result<Estimates, Failure> {
         }
     }
     let calibration = outcome.calibration.load()?;
-    let moduli = &calibration.after.moduli;
-    found.moduli.insert("breast.young_right_kpa".into(), moduli.right_kpa);
-    found.moduli.insert("breast.young_left_kpa".into(), moduli.left_kpa);
+    for parameter in Parameter::ALL {
+        let value = calibration.fitted_value(parameter);
+        found.moduli.extend(value.map(|value| (parameter.key().into(), value)));
+    }
     for (before, after) in calibration.before.poses.iter().zip(&calibration.after.poses) {
         found.distance.insert(after.pose.clone(), distances(before, after));
     }
@@ -57,7 +59,7 @@ pub fn estimates(outcome: &Outcome) -> Result<Estimates, Failure> {
         "misfit_mm": calibration.misfit_mm(),
         "lack_of_fit": calibration.lack_of_fit(),
         "converged": calibration.converged,
-        "correlation": calibration.precision.correlation,
+        "correlation": calibration.precision.correlation(Parameter::Right, Parameter::Left),
     });
     Ok(found)
 }

@@ -14,12 +14,13 @@ use mammotwin_data::{
     Failure,
     io::dicom::Intent,
     labels::LabelMap,
+    labels::Side,
     store::{Entry, Run, Stage, State, Stored},
     study::{CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
     surface::TriMesh,
 };
 use mammotwin_stages::{
-    calibrate::{Calibrate, Calibration},
+    calibrate::{Calibrate, Calibration, Parameter},
     clamp::Clamp,
     comfort::Comfort,
     compress::{Compress, Compression},
@@ -244,6 +245,15 @@ pub fn discover(
         let why = "model.muscle.rigid: effects are looked for with quadratic elements, which a deformable muscle does \
             not have; set it to true";
         return Err(Failure::BadInput(why.into()));
+    }
+    let breasts = [Side::Right, Side::Left].map(|side| Parameter::of_side(side).key());
+    let mut others =
+        study.calibrate.parameters.iter().filter(|key| !breasts.contains(&key.as_str()));
+    if let Some(key) = others.next() {
+        let why = format!(
+            "calibrate.parameters: effects are looked for beside the moduli of the breasts alone; leave {key} out"
+        );
+        return Err(Failure::BadInput(why));
     }
     let Outcome { reference, measured, mesh, calibration, .. } = self::run(study, run)?;
     let (meshing, mesh, calibration) = match study.mesh.elements {

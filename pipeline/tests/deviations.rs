@@ -77,7 +77,7 @@ fn varied_by_hand(out: &Path, text: &str) -> [Vec<Metric>; 3] {
     let study = study::parse(text).unwrap();
     let plan = study.compress.clone().unwrap();
     assert_eq!(plan.side, Side::Right);
-    let up = best.precision.right.unwrap().exp();
+    let up = best.precision.of_side(Side::Right).unwrap().exp();
     let [low, high] = [&best, &stiffer].map(|fit| fit.after.moduli.right_kpa);
     assert!(up > 1.0 && (high / low / up - 1.0).abs() < 1e-12, "{low} {high} kPa, {up} times");
     let jm = plan.law.jm.map(|jm| 1.25 * jm);

@@ -283,7 +283,7 @@ impl Case {
         (plan.breast.law, plan.breast.jm) = (self.law(), self.jm);
         (plan.skin.young_kpa, plan.fascia.young_kpa) = (self.skin_kpa, self.fascia_kpa);
         plan.interface = self.wall.plan();
-        let moduli = Moduli { right_kpa: self.breast_kpa, left_kpa: self.breast_kpa };
+        let moduli = Moduli::new(self.breast_kpa, self.breast_kpa);
         let body = shape.body.body(&plan);
         let rest = &shape.body.mesh.points;
         let model = body.model(rest, moduli, self.pose().gravity(), None)?;

@@ -295,7 +295,7 @@ impl Stage for ErrorRow {
         let experiment = Experiment::new(mesh, &self.model, &self.plan, &measured)?;
         let told = Told::new(progress, self.breast_kpa.len());
         let one = |&kpa: &f64| {
-            let moduli = Moduli { right_kpa: kpa, left_kpa: kpa };
+            let moduli = Moduli::new(kpa, kpa);
             let found = experiment.evaluate(moduli, None, &Silent, "");
             told.one_more();
             match found {

@@ -44,10 +44,13 @@ impl Shape {
     /// length (mm).
     pub(crate) fn alike(&self, length_mm: f64) -> DMatrix<f64> {
         let nodes = self.points.len();
-        DMatrix::from_fn(nodes, nodes, |i, j| {
-            let far = (self.points[i] - self.points[j]).norm_squared();
-            (-0.5 * far / (length_mm * length_mm)).exp() * self.normals[i].dot(&self.normals[j])
-        })
+        DMatrix::from_fn(nodes, nodes, |i, j| self.alike_of(i, j, length_mm))
+    }
+
+    /// The same of two nodes.
+    pub(crate) fn alike_of(&self, i: usize, j: usize, length_mm: f64) -> f64 {
+        let far = (self.points[i] - self.points[j]).norm_squared();
+        (-0.5 * far / (length_mm * length_mm)).exp() * self.normals[i].dot(&self.normals[j])
     }
 
     /// What small translations (1 mm) and turns (1 rad about the centre) of the measured skin add to

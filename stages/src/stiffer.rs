@@ -12,6 +12,7 @@ use crate::{
 };
 use mammotwin_data::{
     Failure, Vec3,
+    labels::Side,
     progress::Progress,
     store::Stage,
     study::{CalibratePlan, ComfortPlan, CompressPlan, ModelPlan},
@@ -33,14 +34,13 @@ pub struct Stiffer {
     pub poses: Vec<String>,
 }
 
-/// Moduli one standard deviation of their logarithms above the fitted ones; those that were not fitted stay.
+/// Moduli of the breasts one standard deviation of their logarithms above the fitted ones; those that were not fitted
+/// stay, and so does what both share.
 pub fn raised(calibration: &Calibration) -> Moduli {
-    let (best, precision) = (calibration.after.moduli, calibration.precision);
-    let up = |kpa: f64, deviation: Option<f64>| kpa * deviation.unwrap_or_default().exp();
-    Moduli {
-        right_kpa: up(best.right_kpa, precision.right),
-        left_kpa: up(best.left_kpa, precision.left),
-    }
+    let precision = &calibration.precision;
+    let [right, left] =
+        [Side::Right, Side::Left].map(|side| precision.of_side(side).unwrap_or_default());
+    calibration.after.moduli.times(right.exp(), left.exp())
 }
 
 impl Stage for Stiffer {

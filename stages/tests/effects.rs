@@ -30,7 +30,7 @@ impl Volunteer {
         plan.effects.extend(effect.map(|(name, amplitude)| (name.to_string(), amplitude)));
         let body = self.body.body(&plan);
         let rest = &self.body.mesh.points;
-        let moduli = Moduli { right_kpa: 0.5, left_kpa: 0.5 };
+        let moduli = Moduli::new(0.5, 0.5);
         let model = body.model(rest, moduli, pose.gravity(), None).unwrap();
         let found = solve(&model, rest, &Options::default(), &Silent).unwrap();
         found.points.iter().zip(rest).map(|(p, rest)| p - rest).collect()

@@ -38,7 +38,7 @@ impl Volunteer {
         plan.interface = interface;
         let body = self.body.body(&plan);
         let rest = &self.body.mesh.points;
-        let moduli = Moduli { right_kpa: 0.4, left_kpa: 0.4 };
+        let moduli = Moduli::new(0.4, 0.4);
         let model = body.model(rest, moduli, pose.gravity(), None).unwrap();
         let clock = std::time::Instant::now();
         let found = solve(&model, rest, &Options::default(), &Silent);

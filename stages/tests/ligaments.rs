@@ -18,7 +18,7 @@ use mammotwin_stages::model::{
 use mammotwin_stages::volunteer::{PoseName, Preset, Torso, mechanics::TruthBody, model_plan};
 
 const LINEAR: MeshPlan = MeshPlan { size_mm: 13.0, elements: Elements::Linear };
-const MODULI: Moduli = Moduli { right_kpa: 0.4, left_kpa: 0.4 };
+const MODULI: Moduli = Moduli::new(0.4, 0.4);
 
 fn volunteer() -> (TruthBody, ModelPlan) {
     let torso = Torso::new(Preset::named("tiny").unwrap(), 1);

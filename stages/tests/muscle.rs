@@ -44,8 +44,7 @@ fn volunteer() -> Volunteer {
     let labels = labels(&torso, &field_of_view(&torso, [2.5; 3]));
     let (rigid, deformable) = meshed(&labels, 15.0);
     let mut plan = model_plan(&torso.person);
-    let Moduli { right_kpa, left_kpa } = Moduli { right_kpa: 0.4, left_kpa: 0.4 };
-    (plan.breast.young_right_kpa, plan.breast.young_left_kpa) = (right_kpa, left_kpa);
+    (plan.breast.young_right_kpa, plan.breast.young_left_kpa) = (0.4, 0.4);
     Volunteer { labels, rigid, deformable, plan }
 }
 
@@ -231,7 +230,7 @@ fn what_a_deformable_muscle_cannot_do_is_refused() {
     let soft = on_muscle(&volunteer.plan, InterfaceKind::Bonded, Some(10.0));
     let refusal = |mesh: &BreastMesh, plan: &ModelPlan| {
         let body = Body::new(mesh, plan);
-        let moduli = Moduli { right_kpa: 0.4, left_kpa: 0.4 };
+        let moduli = Moduli::new(0.4, 0.4);
         body.model(&mesh.mesh.points, moduli, Vec3::zeros(), None).err().unwrap().to_string()
     };
     let text = refusal(&volunteer.rigid, &soft);

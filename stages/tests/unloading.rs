@@ -50,7 +50,7 @@ fn unloaded(
     plan.skin = LayerPlan { young_kpa: tissues.skin_kpa, ..plan.skin };
     plan.fascia = LayerPlan { young_kpa: tissues.fascia_kpa, ..plan.fascia };
     plan.interface = InterfacePlan::uniform(tissues.kind, Some(tissues.friction));
-    let moduli = Moduli { right_kpa: tissues.breast_kpa, left_kpa: tissues.breast_kpa };
+    let moduli = Moduli::new(tissues.breast_kpa, tissues.breast_kpa);
     let body = volunteer.body.body(&plan);
     let build = |rest: &[_]| body.model(rest, moduli, PoseName::Supine.gravity(), None);
     let options = unload::Options { method, ..unload::Options::default() };

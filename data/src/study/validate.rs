@@ -33,7 +33,16 @@ pub const EFFECTS: [&str; 19] = [
     "density",
 ];
 /// Study keys that `calibrate.parameters` may name.
-pub const CALIBRATED: [&str; 2] = ["breast.young_right_kpa", "breast.young_left_kpa"];
+pub const CALIBRATED: [&str; 8] = [
+    "breast.young_right_kpa",
+    "breast.young_left_kpa",
+    "skin.young_kpa",
+    "fascia.young_kpa",
+    "ligaments.young_kpa",
+    "breast.jm",
+    "skin.jm",
+    "fascia.jm",
+];
 
 /// Why a study is refused; the text names the key and says how to mend it.
 #[derive(Debug, thiserror::Error)]
@@ -105,14 +114,7 @@ fn check(study: &Study) -> Checked {
     model(&study.model)?;
     muscle(study)?;
     within("mesh.size_mm", study.mesh.size_mm, 0.5, 50.0)?;
-    known("calibrate.parameters", &study.calibrate.parameters, &CALIBRATED)?;
-    if !study.calibrate.parameters.is_empty() {
-        let fitted = study.uses().filter(|(_, usage)| *usage == Use::Fit).count();
-        if fitted < 2 {
-            let why = "needs two poses with use = \"fit\"; add a pose or empty the list";
-            return refuse("calibrate.parameters", why);
-        }
-    }
+    calibrated(study)?;
     if study.calibrate.second_start && study.calibrate.parameters.is_empty() {
         let why =
             "repeats a search, but nothing is fitted; name calibrate.parameters or leave it out";
@@ -128,6 +130,41 @@ fn check(study: &Study) -> Checked {
         }
         (Some(_), Some(plan)) => validate_mammogram::thickness(plan.stop.thickness_mm)?,
         (None, _) => {}
+    }
+    Ok(())
+}
+
+/// What is to be fitted is known, and the poses can tell of it.
+fn calibrated(study: &Study) -> Checked {
+    let (path, parameters) = ("calibrate.parameters", &study.calibrate.parameters);
+    known(path, parameters, &CALIBRATED)?;
+    if parameters.is_empty() {
+        return Ok(());
+    }
+    if study.uses().filter(|(_, usage)| *usage == Use::Fit).count() < 2 {
+        let why = "needs two poses with use = \"fit\"; add a pose or empty the list";
+        return refuse(path, why);
+    }
+    let model = &study.model;
+    for (tissue, law, jm) in [
+        ("breast", model.breast.law, model.breast.jm),
+        ("skin", model.skin.law, model.skin.jm),
+        ("fascia", model.fascia.law, model.fascia.jm),
+    ] {
+        let key = format!("{tissue}.jm");
+        if parameters.contains(&key) && (law != LawName::Gent || jm.is_none()) {
+            let why = format!(
+                "{key} is of the Gent law; set model.{tissue}.law = \"gent\" and a first model.{key}"
+            );
+            return refuse(path, why);
+        }
+    }
+    let lies = model.interface.is_bonded() && model.muscle.rigid;
+    if let Some(key) = parameters.iter().find(|key| lies && key.starts_with("fascia.")) {
+        let why = format!(
+            "no pose tells of {key}: the breast is bonded to a rigid chest wall, and the fascia lies on it; leave it out"
+        );
+        return refuse(path, why);
     }
     Ok(())
 }

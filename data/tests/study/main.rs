@@ -311,6 +311,25 @@ fn missing_parts_are_named() {
     refused("posture = \"prone\"\n", two, &["calibrate.parameters", "two poses"]);
 }
 
+/// A Jₘ is of a Gent law, and a fascia between a bonded breast and a rigid wall carries nothing.
+#[test]
+fn what_no_pose_tells_is_not_fitted() {
+    let fitted = "parameters = [\"breast.young_right_kpa\", \"breast.young_left_kpa\"]";
+    refused(
+        fitted,
+        "parameters = [\"skin.jm\"]",
+        &["calibrate.parameters", "skin.jm is of the Gent law", "model.skin.law = \"gent\""],
+    );
+    let fascia = GOOD.replacen(fitted, "parameters = [\"fascia.young_kpa\"]", 1);
+    assert!(parse(&fascia).is_ok());
+    let sliding = "interface = { kind = \"no_separation\", friction = 0.1 }";
+    let bonded = fascia.replacen(sliding, "interface = { kind = \"bonded\" }", 1);
+    let text = parse(&bonded).expect_err("accepted").to_string();
+    assert!(text.contains("no pose tells of fascia.young_kpa"), "{text}");
+    let soft = bonded.replacen("rigid = true", "rigid = false", 1);
+    assert!(parse(&soft).is_ok(), "on a muscle that gives way the fascia bears");
+}
+
 #[test]
 fn every_law_is_accepted_with_its_constants_alone() {
     let skin = |rest: &str| {

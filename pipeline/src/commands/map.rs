@@ -9,6 +9,7 @@ use crate::{
 use mammotwin_data::{
     Failure, Vec3,
     io::landmarks,
+    labels::Side,
     store::{self, Drive, Options},
 };
 use mammotwin_stages::place::Shapes;
@@ -34,7 +35,8 @@ pub fn map(arguments: &MapArguments) -> Result<(), Failure> {
         return Err(Failure::BadInput(format!("{name} of {}: {error}", arguments.from)));
     }
     let precision = outcome.calibration.load()?.precision;
-    let found = if arguments.quick || precision.right.or(precision.left).is_none() {
+    let unknown = [Side::Right, Side::Left].iter().all(|side| precision.of_side(*side).is_none());
+    let found = if arguments.quick || unknown {
         found
     } else {
         let display = Display::new();

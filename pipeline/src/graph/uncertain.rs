@@ -7,7 +7,7 @@ use mammotwin_data::{
     study::{CompressPlan, Study},
 };
 use mammotwin_stages::{
-    calibrate::{Calibration, FITTED},
+    calibrate::{Calibration, Parameter},
     comfort::Comfort,
     compress::Compression,
     mesh::BreastMesh,
@@ -16,7 +16,7 @@ use mammotwin_stages::{
 
 /// Whether the modulus of the breast that is compressed is fitted.
 fn is_fitted(study: &Study, plan: &CompressPlan) -> bool {
-    study.calibrate.parameters.iter().any(|key| key == FITTED[plan.side as usize])
+    study.calibrate.parameters.iter().any(|key| key == Parameter::of_side(plan.side).key())
 }
 
 /// The same model with the fitted moduli one standard deviation higher.

@@ -100,13 +100,11 @@ impl Errors<'_> {
     fn moduli_mm(&self, moved_mm: f64) -> Option<f64> {
         let calibration = &self.body.calibration;
         let (best, high) = (calibration.after.moduli, raised(calibration));
-        let (column, best, high) = match self.side {
-            Side::Right => (0, best.right_kpa, high.right_kpa),
-            Side::Left => (1, best.left_kpa, high.left_kpa),
-        };
+        let [best, high] = [best, high].map(|moduli| moduli.of_side(self.side));
         calibration.precision.of_side(self.side)?;
         let draws = calibration.precision.draws(calibration.after.moduli, DRAWS);
-        let logs: Vec<f64> = draws.iter().map(|draw| (draw[column] / best).ln()).collect();
+        let logs: Vec<f64> =
+            draws.iter().map(|draw| (draw.of_side(self.side) / best).ln()).collect();
         let mean = logs.iter().sum::<f64>() / logs.len().max(1) as f64;
         let squares = logs.iter().map(|log| (log - mean).powi(2)).sum::<f64>();
         let deviation = (squares / logs.len().saturating_sub(1).max(1) as f64).sqrt();
@@ -167,12 +165,13 @@ fn motion_mm(registered: &Registered, place: &Vec3) -> f64 {
 /// What the columns of a spread rest on.
 pub(super) fn sources(body: &Body) -> Vec<String> {
     let mut said = Vec::new();
-    let precision = body.calibration.precision;
-    said.push(match (body.stiffer.is_some(), precision.right.or(precision.left)) {
+    let [right, left] =
+        [Side::Right, Side::Left].map(|side| body.calibration.precision.of_side(side));
+    said.push(match (body.stiffer.is_some(), right.or(left)) {
         (true, Some(_)) => format!(
             "moduli: {DRAWS} draws of the calibration, along what one standard deviation (right {}, left {}) moves",
-            percent(precision.right),
-            percent(precision.left)
+            percent(right),
+            percent(left)
         ),
         (false, Some(_)) => "moduli: left out (--quick)".into(),
         (_, None) => "moduli: none was fitted; what they leave open is not known".into(),

@@ -8,7 +8,7 @@ Everything is in millimetres, right-anterior-superior (+x to the person's right,
 the frame of the reference pose unless something else is said. Names end in their units.
 """
 
-from .calibration import Calibration, Moduli
+from .calibration import Calibration, Moduli, Shared
 from .compression import Compression
 from .discovery import Candidate, Discovery, Gap, PoseModuli, Score, Second, open_discovery
 from .errors import MammotwinError, MissingError, NotResultsError, OptionalPackageError, SchemaError

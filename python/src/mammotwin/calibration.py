@@ -19,6 +19,17 @@ class Moduli:
 
 
 @dataclass(frozen=True)
+class Shared:
+    """A number that both breasts share, as it was fitted: kPa, or 1 for a Jₘ."""
+
+    value: float
+    #: Standard deviation of its logarithm; NaN where the poses tell nothing of it.
+    sd_ln: float
+    #: Drawn together with the moduli of the breasts; empty where the poses tell nothing of it.
+    draws: np.ndarray
+
+
+@dataclass(frozen=True)
 class Calibration:
     """What the search for the moduli found; without poses to fit, `before` and `after` are the same."""
 
@@ -39,10 +50,10 @@ class Calibration:
     round_trip_max_mm: float
     #: Way of sliding nodes onto the chest wall before unloading: the farthest.
     off_wall_max_mm: float
+    #: What was fitted beside the moduli of the breasts, by its key in the study, such as `skin.young_kpa`.
+    shared: dict[str, Shared]
 
     @property
     def best_trial(self) -> int:
-        """Number of the evaluation whose moduli were taken."""
-        tried = np.stack([self.trials["young_right_kpa"].values, self.trials["young_left_kpa"].values])
-        taken = np.array([[self.after.right_kpa], [self.after.left_kpa]])
-        return int(np.abs(tried - taken).sum(axis=0).argmin())
+        """Number of the evaluation whose numbers were taken: that with the least misfit."""
+        return int(self.trials["misfit_mm"].values.argmin())

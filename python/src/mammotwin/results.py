@@ -9,7 +9,7 @@ from typing import Any
 import h5py
 import xarray
 
-from .calibration import Calibration, Moduli
+from .calibration import Calibration, Moduli, Shared
 from .compression import Compression
 from .errors import MissingError, NotResultsError, SchemaError
 from .folder import RunFolder, StageRecord
@@ -154,6 +154,16 @@ class Results(OpenFile):
             when: Moduli(group.number(f"{when}/young_right_kpa"), group.number(f"{when}/young_left_kpa"))
             for when in ("before", "after")
         }
+        shared = {}
+        for key in group.texts("fitted"):
+            name = f"shared/{key.replace('.', '_')}"
+            if name in group:
+                known = f"{name}/sd_ln" in group
+                shared[key] = Shared(
+                    group.number(f"{name}/value"),
+                    group.number(f"{name}/sd_ln") if known else float("nan"),
+                    group.array(f"{name}/draws") if known else np.empty(0),
+                )
         return Calibration(
             moduli["before"],
             moduli["after"],
@@ -164,6 +174,7 @@ class Results(OpenFile):
             group.number("after/round_trip_rms_mm"),
             group.number("after/round_trip_max_mm"),
             group.number("after/off_wall_max_mm"),
+            shared,
         )
 
     @cached_property

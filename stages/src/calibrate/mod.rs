@@ -1,9 +1,13 @@
-//! Stress-free shape and breast moduli from the reference pose and the poses to be fitted.
+//! Stress-free shape and numbers of the tissues from the reference pose and the poses to be fitted.
 
 mod experiment;
+mod parameter;
+mod precision;
 mod search;
 
 pub use experiment::{Experiment, Measured};
+pub use parameter::Parameter;
+pub use precision::Precision;
 
 use crate::{
     mesh::BreastMesh, model::Moduli, pose::PoseFit, register::Registered, surface::PoseSurfaces,
@@ -11,24 +15,18 @@ use crate::{
 use mammotwin_data::{
     Failure, Vec3,
     io::hdf5,
-    labels::Side,
     progress::{Part, Progress},
     store::{Artifact, Stage},
     study::{CalibratePlan, ModelPlan},
 };
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
-use rand_distr::{Distribution, StandardNormal};
 use search::Search;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// Study keys of the moduli that can be fitted.
-pub const FITTED: [&str; 2] = ["breast.young_right_kpa", "breast.young_left_kpa"];
-/// Finds the stress-free shape and, where poses are given, the moduli of both breasts.
+/// Finds the stress-free shape and, where poses are given, the numbers of the tissues that are to be fitted.
 #[derive(Debug, Clone, Serialize)]
 pub struct Calibrate {
-    /// Tissues and supports; its breast moduli are where the search begins.
+    /// Tissues and supports; its numbers are where the search begins.
     pub model: ModelPlan,
     /// What is fitted.
     pub plan: CalibratePlan,
@@ -80,53 +78,6 @@ pub struct Fit {
     pub poses: Vec<PoseFit>,
 }
 
-/// How well the fitted moduli are known: standard deviations of their logarithms, as the distances that
-/// are left have them. They know nothing of effects that the model lacks.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Precision {
-    /// Of the right breast; `None` when it was not fitted.
-    pub right: Option<f64>,
-    /// Of the left breast.
-    pub left: Option<f64>,
-    /// Correlation of the two.
-    pub correlation: Option<f64>,
-    /// How many independent errors there are among the distances of the fitted poses; zero when nothing was fitted.
-    pub independent: f64,
-}
-
-/// Seed of the draws of moduli.
-const DRAWS_SEED: u64 = 1;
-
-impl Precision {
-    /// Draws moduli (kPa), right and left, from what the distances leave open: logarithms are normal
-    /// about `moduli`, with these standard deviations and their correlation. A modulus that was not
-    /// fitted stays. None where nothing was fitted.
-    pub fn draws(&self, moduli: Moduli, count: usize) -> Vec<[f64; 2]> {
-        if self.right.is_none() && self.left.is_none() {
-            return Vec::new();
-        }
-        let [right, left] = [self.right, self.left].map(Option::unwrap_or_default);
-        let shared = self.correlation.unwrap_or_default().clamp(-1.0, 1.0);
-        let own = (1.0 - shared * shared).sqrt();
-        let mut random = ChaCha8Rng::seed_from_u64(DRAWS_SEED);
-        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
-        let mut draw = || {
-            let (a, b) = (normal(), normal());
-            let logs = [right * a, left * (shared * a + own * b)];
-            [moduli.right_kpa * logs[0].exp(), moduli.left_kpa * logs[1].exp()]
-        };
-        (0..count).map(|_| draw()).collect()
-    }
-
-    /// Of a side.
-    pub fn of_side(&self, side: Side) -> Option<f64> {
-        match side {
-            Side::Right => self.right,
-            Side::Left => self.left,
-        }
-    }
-}
-
 /// Root mean square distance (mm) that is left where the model is right: chest walls that change between poses, and the
 /// skin of the labels.
 const EXPLAINED_MM: f64 = 1.2;
@@ -153,9 +104,11 @@ const ALIKE: f64 = 0.1;
 impl SecondStart {
     /// Whether it ended where the first search did.
     pub fn agrees(&self, with: &Moduli) -> bool {
-        let near =
-            |end: &Moduli, side: Side| (end.of_side(side) / with.of_side(side)).ln().abs() < ALIKE;
-        self.end.is_some_and(|end| [Side::Right, Side::Left].iter().all(|&side| near(&end, side)))
+        let near = |end: &Moduli, parameter: Parameter| {
+            let both = parameter.given(end).zip(parameter.given(with));
+            both.is_none_or(|(a, b)| (a / b).ln().abs() < ALIKE)
+        };
+        self.end.is_some_and(|end| Parameter::ALL.iter().all(|&one| near(&end, one)))
     }
 }
 
@@ -177,7 +130,12 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// Whether any modulus was fitted.
+    /// A number as it was found: moduli of the breasts in any case, others where they were fitted.
+    pub fn fitted_value(&self, parameter: Parameter) -> Option<f64> {
+        parameter.given(&self.after.moduli)
+    }
+
+    /// Whether anything was fitted.
     pub fn fitted(&self) -> bool {
         self.trials.len() > 1
     }
@@ -215,7 +173,7 @@ impl Artifact for Calibration {
         file.frame(hdf5::Frame::Ras)?;
         file.put_json("trials", &self.trials, "evaluations of the search")?;
         file.put_json("converged", &self.converged, "whether the search came to its end")?;
-        file.put_json("precision", &self.precision, "standard deviations of ln(modulus)")?;
+        file.put_json("precision", &self.precision, "covariance of the logarithms")?;
         if let Some(second) = &self.second {
             file.put_json("second", second, "a second search from elsewhere")?;
         }
@@ -223,7 +181,7 @@ impl Artifact for Calibration {
             file.put_json(
                 &format!("{group}/moduli"),
                 &fit.moduli,
-                "Young's moduli of the breasts",
+                "numbers of the tissues (kPa; Jₘ: 1)",
             )?;
             file.put_json(
                 &format!("{group}/round_trip"),
@@ -267,13 +225,13 @@ type Input = (BreastMesh, PoseSurfaces, Vec<Registered>, Vec<PoseSurfaces>);
 
 impl Stage for Calibrate {
     const NAME: &'static str = "calibrate";
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
     const METHODS: &'static str = "The stress-free shape is the shape that gravity deforms into the reference pose; it \
          was found as the inverse motion (Govindjee & Mihalic, Comput. Methods Appl. Mech. Eng. 136 \
          (1996) 47), or by an accelerated fixed point (Sellier, Comput. Mech. 48 (2011) 503) where the \
-         study asks for it. The Young's \
-         moduli of the breasts were found by a Gauss-Newton search on the signed distances of the skin \
-         to the fitted poses, whose rigid motions were left open.";
+         study asks for it. The numbers of the tissues that the study fits (Young's moduli of the breasts and others) were \
+         found by a Gauss-Newton search on the signed distances of the skin to the fitted poses, whose rigid motions were \
+         left open.";
     type Input = Input;
     type Output = Calibration;
 
@@ -281,9 +239,7 @@ impl Stage for Calibrate {
         let (mesh, reference, registered, surfaces) = input;
         let first = (self.reference.as_str(), self.gravity, reference);
         let measured = Measured::new(first, &self.poses, registered, surfaces);
-        let fitted = [Side::Right, Side::Left].into_iter().zip(FITTED);
-        let wanted = |(_, key): &(Side, &str)| self.plan.parameters.iter().any(|p| p == key);
-        let fitted = fitted.filter(wanted).map(|(side, _)| side).collect();
+        let fitted = Parameter::named(&self.plan.parameters);
         let experiment = Experiment::new(mesh, &self.model, &self.plan, &measured)?;
         let search = Search { experiment, fitted };
         let start = Moduli::of(&self.model);
@@ -298,11 +254,12 @@ impl Stage for Calibrate {
 
 /// A second search, from stiffer moduli: softer ones may not stand.
 fn again(search: &Search, start: Moduli, progress: &dyn Progress) -> Result<SecondStart, Failure> {
-    let from = |side: Side| match search.fitted.contains(&side) {
-        true => SECOND_START * start.of_side(side),
-        false => start.of_side(side),
-    };
-    let from = Moduli { right_kpa: from(Side::Right), left_kpa: from(Side::Left) };
+    let mut from = start;
+    for &parameter in &search.fitted {
+        if let Some(value) = parameter.value(&start, search.experiment.body.plan) {
+            parameter.set(&mut from, SECOND_START * value);
+        }
+    }
     match search.run(from, progress) {
         Ok(found) => {
             let (end, evaluations) = (Some(found.after.moduli), found.trials.len());
@@ -319,36 +276,18 @@ mod tests {
 
     #[test]
     fn two_starts_agree_when_both_moduli_are_alike() {
-        let moduli = |right_kpa: f64, left_kpa: f64| Moduli { right_kpa, left_kpa };
+        let moduli = Moduli::new;
         let second = |end| SecondStart { from: moduli(1.5, 1.5), end, evaluations: 6 };
         let first = moduli(0.3, 0.2);
         assert!(second(Some(moduli(0.308, 0.195))).agrees(&first));
         assert!(!second(Some(moduli(0.3, 0.225))).agrees(&first));
         assert!(!second(None).agrees(&first), "no equilibrium is no agreement");
-    }
-
-    #[test]
-    fn draws_have_the_deviations_and_the_correlation_they_are_made_of() {
-        let precision = Precision {
-            right: Some(0.05),
-            left: Some(0.1),
-            correlation: Some(0.6),
-            independent: 40.0,
+        let with_skin = |kpa: f64| {
+            let mut moduli = first;
+            moduli.shared.skin_kpa = Some(kpa);
+            moduli
         };
-        let moduli = Moduli { right_kpa: 0.3, left_kpa: 0.2 };
-        let draws = precision.draws(moduli, 20_000);
-        let logs = |side: usize, kpa: f64| -> Vec<f64> {
-            draws.iter().map(|draw| (draw[side] / kpa).ln()).collect()
-        };
-        let (right, left) = (logs(0, 0.3), logs(1, 0.2));
-        let mean = |a: &[f64], b: &[f64]| {
-            a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / a.len() as f64
-        };
-        let [sd_right, sd_left] = [mean(&right, &right).sqrt(), mean(&left, &left).sqrt()];
-        assert!((sd_right / 0.05 - 1.0).abs() < 0.02 && (sd_left / 0.1 - 1.0).abs() < 0.02);
-        assert!((mean(&right, &left) / (sd_right * sd_left) - 0.6).abs() < 0.02);
-        let one = Precision { right: Some(0.05), ..Precision::default() };
-        assert!(one.draws(moduli, 10).iter().all(|draw| draw[1] == 0.2 && draw[0] != 0.3));
-        assert!(Precision::default().draws(moduli, 10).is_empty());
+        assert!(second(Some(with_skin(4.1))).agrees(&with_skin(4.0)));
+        assert!(!second(Some(with_skin(6.0))).agrees(&with_skin(4.0)));
     }
 }

@@ -1,31 +1,29 @@
-//! Gauss-Newton on the moduli of both breasts, the rigid motion of every fitted pose left open.
+//! Gauss-Newton on what is fitted of the tissues, the rigid motion of every fitted pose left open.
 //!
 //! What is made least is the sum of the squared signed distances of the skin's nodes in the fitted
 //! poses, after the rigid motion of each pose that makes it least: an error of the registration must
-//! not look like stiffness. A modulus moves the skin of its own breast alone, so that one trial gives
-//! the derivatives by both, as differences to the best trial before.
+//! not look like stiffness. A breast's modulus moves the skin of its own side alone, so that one trial gives
+//! the derivatives by both, as differences to the best trial before. Where numbers that both sides share are fitted too,
+//! each is tried by itself and the breasts by themselves, anew where the search went far and gains no more.
 
-use super::{Calibration, Experiment, Fit, Precision, Trial};
-use crate::{
-    model::Moduli,
-    pose::PoseFit,
-    shape::{CHEST_LENGTH_MM, CHEST_MM, Shape},
-};
+use super::{Calibration, Experiment, Fit, Parameter, Precision, Trial, precision::Spread};
+use crate::{model::Moduli, pose::PoseFit, shape::Shape};
 use mammotwin_data::{
     Failure,
     labels::Side,
     progress::{Part, Progress},
 };
-use nalgebra::{DMatrix, DVector, Vector2};
+use nalgebra::{DMatrix, DVector};
 
-/// Moduli between which the search stays (kPa).
-const BOUNDS_KPA: [f64; 2] = [0.05, 20.0];
-/// Trials at most.
+/// Trials of the moduli of the breasts at most, and as many more for each number that both share.
 const MAX_TRIALS: usize = 9;
-/// First change of the logarithms of the moduli, and the largest in one step.
+const MORE_TRIALS: usize = 9;
+/// First change of the logarithms of the moduli, that of numbers that are tried by themselves later, and the largest in
+/// one step.
 const FIRST: f64 = 0.25;
+const ALONE: f64 = 0.15;
 const STRIDE: f64 = 0.7;
-/// The search ends when the next step is shorter than this part of the moduli.
+/// The search ends when the next step is shorter than this part of the numbers.
 const CLOSE: f64 = 0.01;
 /// A search that ends with a whole step longer than this has not found the minimum.
 const NEAR: f64 = 0.05;
@@ -33,25 +31,34 @@ const NEAR: f64 = 0.05;
 /// other breast, or an equilibrium that is met within its tolerance, moves of a skin would count as the modulus' doing.
 const SHORTEST: f64 = 0.003;
 const TELLING: f64 = 0.05;
-/// Length (mm) over which errors of segmentation and mesh are alike along the skin.
-const ALIKE_MM: f64 = 20.0;
+/// Dampings of a step that are tried, each four times the last.
+const DAMPINGS: i32 = 20;
+/// Derivatives beside shared numbers are of this place while the search is nearer to where they were found than this.
+const STALE: f64 = 0.2;
 
-/// The search for the moduli.
+/// The search for the numbers that fit best.
 pub(super) struct Search<'a> {
     pub experiment: Experiment<'a>,
-    /// Breasts whose modulus is fitted.
-    pub fitted: Vec<Side>,
+    /// What is fitted, breasts first.
+    pub fitted: Vec<Parameter>,
 }
 
 /// One trial, as far as the search needs it.
 struct Point {
-    /// Logarithms of the moduli (kPa), right and left.
-    at: Vector2<f64>,
+    /// Logarithms of what is fitted.
+    at: DVector<f64>,
     /// Signed distances (mm), pose after pose.
     signed_mm: DVector<f64>,
     /// Mean square after the best rigid motions (mm²).
     misfit: f64,
     fit: Fit,
+}
+
+/// Change of the distances (mm) for a change of one number by a factor e.
+struct Slope {
+    column: DVector<f64>,
+    /// Logarithms of what is fitted, where it was found.
+    at: DVector<f64>,
 }
 
 /// The nodes that are compared, and the rigid motions of their poses as orthonormal columns.
@@ -92,16 +99,26 @@ impl Compared {
         v - &self.rigid * (self.rigid.transpose() * v)
     }
 
-    /// Change of the distances (mm) from one point to another for a change of one breast's modulus by
-    /// a factor e; `None` when the logarithm of that modulus changed by less than `shortest`.
-    fn slope(&self, from: &Point, to: &Point, side: Side, shortest: f64) -> Option<DVector<f64>> {
-        let change = to.at[side as usize] - from.at[side as usize];
+    /// Change of the distances (mm) from one point to another for a change of one number by a factor e: of a breast on its
+    /// own skin; `None` when its logarithm changed by less than `shortest`.
+    fn slope(
+        &self,
+        (from, to): (&Point, &Point),
+        place: usize,
+        side: Option<Side>,
+        shortest: f64,
+    ) -> Option<Slope> {
+        let change = to.at[place] - from.at[place];
         if change.abs() < shortest {
             return None;
         }
-        let all = (&to.signed_mm - &from.signed_mm) / change;
-        let own = |(n, value): (usize, &f64)| if self.sides[n] == side { *value } else { 0.0 };
-        Some(DVector::from_iterator(all.len(), all.iter().enumerate().map(own)))
+        let mut column = (&to.signed_mm - &from.signed_mm) / change;
+        if let Some(side) = side {
+            for (value, of) in column.iter_mut().zip(&self.sides) {
+                *value = if *of == side { *value } else { 0.0 };
+            }
+        }
+        Some(Slope { column, at: from.at.clone() })
     }
 }
 
@@ -117,18 +134,19 @@ impl Search<'_> {
     /// [`Failure::Numerics`] when the start has no equilibrium, or nothing beside it.
     pub fn run(&self, start: Moduli, progress: &dyn Progress) -> Result<Calibration, Failure> {
         let searched = self.searches();
-        let rounds = if searched { MAX_TRIALS } else { 1 };
+        let shared = self.fitted.iter().filter(|parameter| parameter.side().is_none()).count();
+        let rounds = if searched { MAX_TRIALS + MORE_TRIALS * shared } else { 1 };
         let mut trials: Vec<Trial> = Vec::new();
         let mut failed: Option<(Moduli, String)> = None;
         let mut compared: Option<Compared> = None;
         let mut best: Option<Point> = None;
-        let mut slopes: [Option<DVector<f64>>; 2] = [None, None];
+        let mut slopes: Vec<Option<Slope>> = self.fitted.iter().map(|_| None).collect();
         let mut before: Option<Fit> = None;
         let mut moduli = start;
+        let mut alone = false;
         let (mut damping, mut converged) = (1.0, !searched);
         for round in 0..rounds {
-            let Moduli { right_kpa, left_kpa } = moduli;
-            let doing = format!("trial {}: {right_kpa:.3} / {left_kpa:.3} kPa", round + 1);
+            let doing = format!("trial {}: {}", round + 1, self.told(&moduli));
             let [from, to] = [round, round + 1].map(|n| n as f64 / rounds as f64);
             let part = Part { whole: progress, from, to };
             part.report(0.0, &doing);
@@ -139,105 +157,213 @@ impl Search<'_> {
                 Err(Failure::Numerics(why)) if best.is_some() => {
                     failed = Some((moduli, why));
                     let Some(point) = &best else { break };
-                    let back =
-                        |now: f64, side: Side| (0.5 * (now.ln() + point.at[side as usize])).exp();
-                    moduli = Moduli {
-                        right_kpa: back(right_kpa, Side::Right),
-                        left_kpa: back(left_kpa, Side::Left),
-                    };
+                    moduli = self.moduli(&moduli, &(0.5 * (self.at(&moduli) + &point.at)));
                     continue;
                 }
                 Err(failure) => return Err(failure),
             };
             let known = compared.get_or_insert_with(|| Compared::new(&self.experiment, &fit));
-            let point = point(known, fit);
+            let point = self.point(known, fit);
             trials.push(self.trial(&point));
             if before.is_none() {
                 before = Some(point.fit.clone());
             }
             if let Some(best) = &best {
-                for &side in &self.fitted {
-                    let held = &mut slopes[side as usize];
-                    let shortest = if held.is_some() { TELLING } else { SHORTEST };
-                    if let Some(slope) = known.slope(best, &point, side, shortest) {
-                        *held = Some(slope);
-                    }
-                }
+                self.learn(known, (best, &point), &mut slopes);
             }
-            if best.as_ref().is_none_or(|best| point.misfit <= best.misfit) {
+            let gained = best.as_ref().is_none_or(|best| point.misfit <= best.misfit);
+            if gained {
                 (best, damping) = (Some(point), 1.0);
-            } else {
-                damping *= 0.5;
             }
             let Some(best) = best.as_ref().filter(|_| searched) else { break };
-            let step = self.step(known, best, &slopes);
-            if let Some(step) = step
+            if !gained && !alone && !self.forget_stale(best, &mut slopes) {
+                damping *= 0.5;
+            }
+            alone = false;
+            let mut step = self.step(known, best, &slopes);
+            if step.as_ref().is_some_and(|step| damping * step.amax() < CLOSE)
+                && self.forget_stale(best, &mut slopes)
+            {
+                (step, damping) = (None, 1.0);
+            }
+            if let Some(step) = &step
                 && damping * step.amax() < CLOSE
             {
                 // A search whose steps gain nothing ends as well, near the minimum or not.
                 converged = step.amax() < NEAR;
                 break;
             }
-            let known_slopes = step.is_some();
-            let step = step.map_or_else(|| self.first(best), |step| damping * step);
-            let [low, high] = BOUNDS_KPA.map(f64::ln);
-            let to = |side: Side| {
-                let k = side as usize;
-                (best.at[k] + step[k].clamp(-STRIDE, STRIDE)).clamp(low, high)
+            let to = match step {
+                Some(step) => {
+                    let to = self.within(&best.at, &(damping * step));
+                    // A number that is held at its bound is not tried there again and again.
+                    if (&to - &best.at).amax() < CLOSE {
+                        break;
+                    }
+                    to
+                }
+                // Known, and they say nothing.
+                None if slopes.iter().all(Option::is_some) => break,
+                None => {
+                    let first = trials.len() == 1;
+                    alone = !first;
+                    self.within(&best.at, &self.unknown(best, &slopes, first))
+                }
             };
-            // A modulus that is held at its bound is not tried there again and again.
-            let stays = |side: &Side| (to(*side) - best.at[*side as usize]).abs() < CLOSE;
-            if known_slopes && self.fitted.iter().all(stays) {
-                break;
-            }
-            let next = |side: Side| to(side).exp();
-            let fitted =
-                |side: Side, now: f64| if self.fitted.contains(&side) { next(side) } else { now };
-            moduli = Moduli {
-                right_kpa: fitted(Side::Right, start.right_kpa),
-                left_kpa: fitted(Side::Left, start.left_kpa),
-            };
+            moduli = self.moduli(&start, &to);
         }
         // Moduli that no other could be compared with are not fitted.
         if let (1, Some((moduli, why))) = (trials.len(), failed) {
             return Err(Failure::Numerics(format!(
-                "calibrate: nothing but the study's moduli stands; the last that was tried, {:.3} and \
-                 {:.3} kPa, has no solution ({why}); begin with others, or keep the study's: \
-                 calibrate.parameters = []",
-                moduli.right_kpa, moduli.left_kpa
+                "calibrate: nothing but the study's moduli stands; the last that was tried, {}, has no solution ({why}); \
+                 begin with others, or keep the study's: calibrate.parameters = []",
+                self.told(&moduli)
             )));
         }
         let (Some(before), Some(best), Some(compared)) = (before, best, compared) else {
             return Err(Failure::Numerics("calibrate: no trial was evaluated".into()));
         };
-        let precision = precision(&compared, &best, &slopes);
+        let precision = precision(&compared, &self.fitted, &best, &slopes);
         Ok(Calibration { before, after: best.fit, trials, converged, precision, second: None })
     }
 
-    /// The first step: softer where the breast sags too little.
-    fn first(&self, best: &Point) -> Vector2<f64> {
-        let sign = |side: Side| FIRST * self.sag_mm(&best.fit, side).signum();
-        Vector2::new(sign(Side::Right), sign(Side::Left))
+    /// What a trial is told by: both moduli, and what else is fitted.
+    fn told(&self, moduli: &Moduli) -> String {
+        let mut text = format!("{:.3} / {:.3} kPa", moduli.right_kpa, moduli.left_kpa);
+        for parameter in self.fitted.iter().filter(|parameter| parameter.side().is_none()) {
+            let value = self.value(*parameter, moduli);
+            let units = if parameter.units() == "1" { "" } else { " kPa" };
+            text += &format!(", {} {value:.3}{units}", parameter.words());
+        }
+        text
     }
 
-    /// The Gauss-Newton step of the fitted moduli; `None` while a derivative is missing or says
-    /// nothing.
+    /// A number of the tissues; studies that fit a Jₘ have one.
+    fn value(&self, parameter: Parameter, moduli: &Moduli) -> f64 {
+        parameter.value(moduli, self.experiment.body.plan).unwrap_or(f64::NAN)
+    }
+
+    /// Logarithms of what is fitted.
+    fn at(&self, moduli: &Moduli) -> DVector<f64> {
+        let all = self.fitted.iter().map(|parameter| self.value(*parameter, moduli).ln());
+        DVector::from_iterator(self.fitted.len(), all)
+    }
+
+    /// Numbers of these logarithms; what is not fitted is that of `held`.
+    fn moduli(&self, held: &Moduli, at: &DVector<f64>) -> Moduli {
+        let mut moduli = *held;
+        for (parameter, at) in self.fitted.iter().zip(at.iter()) {
+            parameter.set(&mut moduli, at.exp());
+        }
+        moduli
+    }
+
+    fn point(&self, compared: &Compared, fit: Fit) -> Point {
+        let all = fit.poses[1..].iter().flat_map(|pose| &pose.signed_mm).copied();
+        let signed_mm = DVector::from_vec(all.collect());
+        let rest = compared.rest(&signed_mm);
+        Point {
+            at: self.at(&fit.moduli),
+            misfit: rest.norm_squared() / rest.len().max(1) as f64,
+            signed_mm,
+            fit,
+        }
+    }
+
+    /// Derivatives from two points between which the moduli of the breasts changed alone, or one shared number.
+    fn learn(&self, compared: &Compared, points: (&Point, &Point), slopes: &mut [Option<Slope>]) {
+        let change = &points.1.at - &points.0.at;
+        let moved = |place: &usize| change[*place] != 0.0;
+        let moved: Vec<usize> = (0..self.fitted.len()).filter(moved).collect();
+        let shared = moved.iter().any(|&place| self.fitted[place].side().is_none());
+        if shared && moved.len() > 1 {
+            return;
+        }
+        for place in moved {
+            let shortest = if slopes[place].is_some() { TELLING } else { SHORTEST };
+            let found = compared.slope(points, place, self.fitted[place].side(), shortest);
+            if found.is_some() {
+                slopes[place] = found;
+            }
+        }
+    }
+
+    /// Forgets derivatives that were found elsewhere; whether there were any. Those by breasts alone follow the search.
+    fn forget_stale(&self, best: &Point, slopes: &mut [Option<Slope>]) -> bool {
+        if self.fitted.iter().all(|parameter| parameter.side().is_some()) {
+            return false;
+        }
+        let mut any = false;
+        for slope in slopes {
+            if slope.as_ref().is_some_and(|slope| (&slope.at - &best.at).amax() > STALE) {
+                (*slope, any) = (None, true);
+            }
+        }
+        any
+    }
+
+    /// A step to find derivatives that are not known: of both breasts, at `first` softer where one sags too little, else
+    /// of one shared number.
+    fn unknown(&self, best: &Point, slopes: &[Option<Slope>], first: bool) -> DVector<f64> {
+        let mut step = DVector::zeros(self.fitted.len());
+        for (place, parameter) in self.fitted.iter().enumerate() {
+            if slopes[place].is_some() {
+                continue;
+            }
+            if let Some(side) = parameter.side() {
+                let sign = self.sag_mm(&best.fit, side).signum();
+                step[place] = sign * if first { FIRST } else { ALONE };
+            } else if step.amax() == 0.0 {
+                let [_, high] = parameter.bounds().map(f64::ln);
+                step[place] = if best.at[place] + ALONE > high { -ALONE } else { ALONE };
+            }
+        }
+        step
+    }
+
+    /// The end of a step that is cut, and stays within the bounds.
+    fn within(&self, from: &DVector<f64>, step: &DVector<f64>) -> DVector<f64> {
+        let one = |(n, parameter): (usize, &Parameter)| {
+            let [low, high] = parameter.bounds().map(f64::ln);
+            // A study may begin beyond them.
+            let (low, high) = (low.min(from[n]), high.max(from[n]));
+            (from[n] + step[n].clamp(-STRIDE, STRIDE)).clamp(low, high)
+        };
+        DVector::from_iterator(from.len(), self.fitted.iter().enumerate().map(one))
+    }
+
+    /// The Gauss-Newton step of what is fitted; `None` while a derivative is missing, or where they say nothing.
+    ///
+    /// With shared numbers it is damped as Levenberg has it until nothing moves farther than [`STRIDE`], so that what is
+    /// hardly told does not carry the rest away; what would leave its bounds is held there.
     fn step(
         &self,
         compared: &Compared,
         best: &Point,
-        slopes: &[Option<DVector<f64>>; 2],
-    ) -> Option<Vector2<f64>> {
-        let slopes = self.fitted.iter().map(|&side| slopes[side as usize].as_ref());
-        let columns: Vec<DVector<f64>> =
-            slopes.map(|slope| slope.map(|slope| compared.rest(slope))).collect::<Option<_>>()?;
+        slopes: &[Option<Slope>],
+    ) -> Option<DVector<f64>> {
+        let column = |slope: &Option<Slope>| Some(compared.rest(&slope.as_ref()?.column));
+        let columns: Vec<DVector<f64>> = slopes.iter().map(column).collect::<Option<_>>()?;
         let jacobian = DMatrix::from_columns(&columns);
         let rest = compared.rest(&best.signed_mm);
-        let factor = (jacobian.transpose() * &jacobian).cholesky()?;
-        let solved = factor.solve(&(-(jacobian.transpose() * rest)));
-        let mut step = Vector2::zeros();
-        self.fitted.iter().zip(solved.iter()).for_each(|(&side, by)| step[side as usize] = *by);
-        step.iter().all(|v| v.is_finite()).then_some(step)
+        let (normal, right) = (jacobian.transpose() * &jacobian, -(jacobian.transpose() * rest));
+        if self.fitted.iter().all(|parameter| parameter.side().is_some()) {
+            let step = normal.cholesky()?.solve(&right);
+            return step.iter().all(|v| v.is_finite()).then_some(step);
+        }
+        let mut held = vec![false; columns.len()];
+        loop {
+            let step = damped(&normal, &right, &held)?;
+            let beyond = |place: &usize| {
+                let [low, high] = self.fitted[*place].bounds().map(f64::ln);
+                let (at, to) = (best.at[*place], best.at[*place] + step[*place]);
+                !held[*place] && ((at <= low && to < low) || (at >= high && to > high))
+            };
+            match (0..held.len()).find(beyond) {
+                Some(place) => held[place] = true,
+                None => return Some(step),
+            }
+        }
     }
 
     fn trial(&self, point: &Point) -> Trial {
@@ -261,25 +387,40 @@ impl Search<'_> {
     }
 }
 
-fn point(compared: &Compared, fit: Fit) -> Point {
-    let all = fit.poses[1..].iter().flat_map(|pose| &pose.signed_mm).copied();
-    let signed_mm = DVector::from_vec(all.collect());
-    let rest = compared.rest(&signed_mm);
-    Point {
-        at: Vector2::new(fit.moduli.right_kpa.ln(), fit.moduli.left_kpa.ln()),
-        misfit: rest.norm_squared() / rest.len().max(1) as f64,
-        signed_mm,
-        fit,
+/// The step that `normal` and `right` ask for, without what is held, damped until nothing moves farther than
+/// [`STRIDE`]; `None` where they say nothing.
+fn damped(normal: &DMatrix<f64>, right: &DVector<f64>, held: &[bool]) -> Option<DVector<f64>> {
+    let free: Vec<usize> = (0..held.len()).filter(|&place| !held[place]).collect();
+    let mut step = DVector::zeros(held.len());
+    if free.is_empty() {
+        return Some(step);
     }
+    let count = free.len();
+    let normal = normal.select_rows(&free).select_columns(&free);
+    let right = right.select_rows(&free);
+    let mean = normal.trace() / count as f64;
+    let dampings = (0..DAMPINGS).map(|n| if n == 0 { 0.0 } else { 1e-6 * mean * 4f64.powi(n) });
+    let mut found = dampings.filter_map(|damping| {
+        let damped = &normal + DMatrix::identity(count, count) * damping;
+        Some(damped.cholesky()?.solve(&right))
+    });
+    let short = found.find(|step| step.amax() <= STRIDE)?;
+    for (place, by) in free.into_iter().zip(short.iter()) {
+        step[place] = *by;
+    }
+    Some(step)
 }
 
-/// Standard deviations of the logarithms of the moduli: as large as the distances that are left make
-/// them. As much of these as people's chest walls change between poses is a change of the chest wall, alike over
-/// [`CHEST_LENGTH_MM`], the rest an error that is alike over [`ALIKE_MM`].
-fn precision(compared: &Compared, best: &Point, slopes: &[Option<DVector<f64>>; 2]) -> Precision {
-    let known: Vec<usize> = (0..2).filter(|&side| slopes[side].is_some()).collect();
-    let columns: Vec<DVector<f64>> =
-        slopes.iter().flatten().map(|slope| compared.rest(slope)).collect();
+/// How well what was fitted is known: as well as the distances that are left have it.
+fn precision(
+    compared: &Compared,
+    fitted: &[Parameter],
+    best: &Point,
+    slopes: &[Option<Slope>],
+) -> Precision {
+    let known = fitted.iter().zip(slopes).filter_map(|(p, slope)| Some((p, slope.as_ref()?)));
+    let (known, columns): (Vec<&Parameter>, Vec<DVector<f64>>) =
+        known.map(|(p, slope)| (p, compared.rest(&slope.column))).unzip();
     if columns.is_empty() {
         return Precision::default();
     }
@@ -287,55 +428,11 @@ fn precision(compared: &Compared, best: &Point, slopes: &[Option<DVector<f64>>; 
     let Some(inverse) = (jacobian.transpose() * &jacobian).try_inverse() else {
         return Precision::default();
     };
-    let errors = compared.errors(best.misfit);
-    let covariance = &inverse * compared.spread(&jacobian, &errors) * &inverse;
-    let sd = |side: usize| {
-        let place = known.iter().position(|&known| known == side)?;
-        Some(covariance[(place, place)].max(0.0).sqrt())
-    };
-    let (right, left) = (sd(Side::Right as usize), sd(Side::Left as usize));
-    let both = right.zip(left).map(|(right, left)| (right * left).max(f64::MIN_POSITIVE));
-    let variance: f64 = errors.iter().map(DMatrix::trace).sum();
-    let square: f64 = errors.iter().map(DMatrix::norm_squared).sum();
+    let spread = Spread::new(&compared.shapes, &compared.rigid, &jacobian, best.misfit);
+    let covariance = &inverse * spread.of_columns * &inverse;
     Precision {
-        right,
-        left,
-        correlation: both.map(|both| covariance[(0, 1)] / both),
-        independent: variance * variance / square.max(f64::MIN_POSITIVE),
-    }
-}
-
-impl Compared {
-    /// Covariance (mm²) of errors in each pose whose mean square is `misfit` (mm²) when rigid motions are fitted.
-    fn errors(&self, misfit: f64) -> Vec<DMatrix<f64>> {
-        let lengths = [CHEST_LENGTH_MM, ALIKE_MM];
-        let alike = |shape: &Shape| lengths.map(|length_mm| shape.alike(length_mm));
-        let alike: Vec<[DMatrix<f64>; 2]> = self.shapes.iter().map(alike).collect();
-        // What rigid motions leave of such errors of 1 mm.
-        let (mut left, mut at) = ([0.0; 2], 0);
-        for both in &alike {
-            let nodes = both[0].nrows();
-            let rigid = self.rigid.rows(at, nodes);
-            for (sum, one) in left.iter_mut().zip(both) {
-                *sum += one.trace() - (rigid.transpose() * one * rigid).trace();
-            }
-            at += nodes;
-        }
-        let [chest_left, local_left] = left.map(|sum| (sum / at.max(1) as f64).max(1e-9));
-        let chest = f64::min(CHEST_MM * CHEST_MM, misfit / chest_left);
-        let local = (misfit - chest * chest_left) / local_left;
-        alike.into_iter().map(|[far, near]| chest * far + local * near).collect()
-    }
-
-    /// JᵀCJ with the covariances C of the errors of each pose.
-    fn spread(&self, jacobian: &DMatrix<f64>, errors: &[DMatrix<f64>]) -> DMatrix<f64> {
-        let mut sum = DMatrix::zeros(jacobian.ncols(), jacobian.ncols());
-        let mut at = 0;
-        for error in errors {
-            let own = jacobian.rows(at, error.nrows());
-            sum += own.transpose() * error * own;
-            at += error.nrows();
-        }
-        sum
+        keys: known.iter().map(|parameter| parameter.key().into()).collect(),
+        covariance: covariance.transpose().iter().copied().collect(),
+        independent: spread.independent,
     }
 }

@@ -44,11 +44,10 @@ impl Compress {
         let anatomy = Anatomy { breasts: vec![base.clone()], ..body.anatomy.clone() };
         let (mesh, anatomy) = (&part.mesh, &anatomy);
         let stiffer = 1.0 + self.plan.rate_stiffening;
-        let plan = &stiffened(body.plan, stiffer);
+        let plan = &stiffened(&moduli.applied(body.plan), stiffer);
         let (quadratic, muscle) = (None, muscle.as_ref());
         let body = Body { mesh, anatomy, plan, quadratic, muscle, wall: body.wall.clone() };
-        let moduli =
-            Moduli { right_kpa: stiffer * moduli.right_kpa, left_kpa: stiffer * moduli.left_kpa };
+        let moduli = Moduli::of(plan);
         let rest = part.take(start.rest);
         let law = LawOverride {
             name: self.plan.law.name,
@@ -201,6 +200,8 @@ impl Compress {
 /// Tissues and ligaments stiffer by a factor; the moduli of the breasts are not in a plan.
 fn stiffened(plan: &ModelPlan, factor: f64) -> ModelPlan {
     let mut plan = plan.clone();
+    plan.breast.young_right_kpa *= factor;
+    plan.breast.young_left_kpa *= factor;
     plan.skin.young_kpa *= factor;
     plan.fascia.young_kpa *= factor;
     plan.ligaments.young_kpa *= factor;

@@ -1,7 +1,7 @@
 //! What a fit says beside its distances: markers on the breasts, what the data cannot tell, how much is left.
 
 use crate::{
-    calibrate::{Calibration, FITTED},
+    calibrate::{Calibration, Parameter},
     fiducials::{Fiducials, Summary},
     report::Fact,
 };
@@ -86,6 +86,11 @@ pub fn stretched(state: &str, points: &[Vec3], tets: &[[u32; 4]]) -> Option<Stri
     })
 }
 
+/// Standard deviation of a logarithm from which poses hardly tell a number: a factor of 1.6.
+const UNTOLD: f64 = 0.5;
+/// Correlation from which two numbers are told together only.
+const TOGETHER: f64 = 0.8;
+
 /// What the poses cannot tell, in plain words.
 pub fn untold(model: &ModelPlan, parameters: &[String], calibration: &Calibration) -> Vec<String> {
     let mut text = Vec::new();
@@ -94,29 +99,35 @@ pub fn untold(model: &ModelPlan, parameters: &[String], calibration: &Calibratio
         "Under gravity only the ratio of density to stiffness acts: with the density ({density} g/cm³) and all moduli (breast, \
          skin, fascia, ligaments) multiplied by one number no pose changes. The moduli are those of this density."
     ));
+    let is_fitted = |parameter: Parameter| parameters.iter().any(|key| key == parameter.key());
     let layer = |plan: &LayerPlan| {
         format!("{} kPa, {} mm ({})", plan.young_kpa, plan.thickness_mm, plan.law.name())
     };
     let breast = &model.breast;
-    let mut held = vec![
-        format!(
-            "law ({}) and Poisson's ratio ({}) of the breast",
-            breast.law.name(),
-            breast.poisson
-        ),
-        format!("skin: {}", layer(&model.skin)),
-        format!("fascia: {}", layer(&model.fascia)),
-        format!("ligaments: {} kPa", model.ligaments.young_kpa),
-        format!("chest wall: {}", model.interface.kind.name()),
-    ];
-    for (side, key) in [Side::Right, Side::Left].into_iter().zip(FITTED) {
-        if !parameters.iter().any(|fitted| fitted == key) {
+    let mut held = vec![format!(
+        "law ({}) and Poisson's ratio ({}) of the breast",
+        breast.law.name(),
+        breast.poisson
+    )];
+    for (parameter, given) in [
+        (Parameter::Skin, format!("skin: {}", layer(&model.skin))),
+        (Parameter::Fascia, format!("fascia: {}", layer(&model.fascia))),
+        (Parameter::Ligaments, format!("ligaments: {} kPa", model.ligaments.young_kpa)),
+    ] {
+        if !is_fitted(parameter) {
+            held.push(given);
+        }
+    }
+    held.push(format!("chest wall: {}", model.interface.kind.name()));
+    for side in [Side::Right, Side::Left] {
+        if !is_fitted(Parameter::of_side(side)) {
             let kpa = calibration.after.moduli.of_side(side);
             held.insert(0, format!("modulus of the {} breast ({kpa:.3} kPa)", side.name()));
         }
     }
     text.push(format!("Held at what the study gives: {}.", held.join("; ")));
-    if calibration.fitted() {
+    text.extend(shared_told(calibration));
+    if calibration.fitted() && !is_fitted(Parameter::Skin) {
         text.push(
             "Skin and fascia were not fitted: they carry a part of the weight, and where they are stiffer than the study has \
              them, the breast comes out too stiff, else too soft. The stated intervals know nothing of it."
@@ -129,7 +140,8 @@ pub fn untold(model: &ModelPlan, parameters: &[String], calibration: &Calibratio
             );
         }
     }
-    if let Some(correlation) = calibration.precision.correlation {
+    if let Some(correlation) = calibration.precision.correlation(Parameter::Right, Parameter::Left)
+    {
         text.push(
             format!(
                 "Errors of the right and the left modulus have a correlation of {correlation:.2}: what is not known of one {} the other.",
@@ -154,6 +166,34 @@ pub fn untold(model: &ModelPlan, parameters: &[String], calibration: &Calibratio
         });
     }
     text
+}
+
+/// How well the poses tell what both breasts share, and what they tell of it and the breasts together only.
+fn shared_told(calibration: &Calibration) -> Vec<String> {
+    let precision = &calibration.precision;
+    let shared = Parameter::ALL.into_iter().filter(|parameter| parameter.side().is_none());
+    let told = |parameter: Parameter| {
+        let value = calibration.fitted_value(parameter)?;
+        let Some(sd) = precision.of(parameter) else {
+            let words = parameter.words();
+            return Some(format!("The poses tell nothing of {words}, which was to be fitted."));
+        };
+        let mut text =
+            format!("{}: {value:.3} within a factor of {:.2}", parameter.title(), sd.exp());
+        if sd > UNTOLD {
+            text += ", so the poses hardly tell it";
+        }
+        let with = |side: &Side| precision.correlation(parameter, Parameter::of_side(*side));
+        let with: Vec<f64> = [Side::Right, Side::Left].iter().filter_map(with).collect();
+        if let Some(most) = with.into_iter().max_by(|a, b| a.abs().total_cmp(&b.abs())) {
+            text += &format!("; correlation with the modulus of a breast {most:.2}");
+            if most.abs() > TOGETHER {
+                text += ": the poses tell both together only";
+            }
+        }
+        Some(format!("{text}.").replace("breast -", "breast −"))
+    };
+    shared.filter_map(told).collect()
 }
 
 /// What a second search says against the first one.
@@ -210,7 +250,7 @@ mod tests {
 
     /// A fit of prone to supine that leaves `misfit_mm`.
     fn calibration(misfit_mm: f64) -> Calibration {
-        let moduli = Moduli { right_kpa: 0.31, left_kpa: 0.22 };
+        let moduli = Moduli::new(0.31, 0.22);
         let pose = |pose: &str| PoseFit {
             pose: pose.into(),
             gravity: Vec3::y(),
@@ -245,7 +285,11 @@ mod tests {
             after: fit,
             trials: vec![trial(8.0), trial(misfit_mm)],
             converged: true,
-            precision: Precision { correlation: Some(-0.12), ..Precision::default() },
+            precision: Precision {
+                keys: Parameter::ALL[..3].iter().map(|known| known.key().into()).collect(),
+                covariance: vec![0.01, -0.0012, -0.027, -0.0012, 0.01, 0.0, -0.027, 0.0, 0.09],
+                independent: 40.0,
+            },
             second: None,
         }
     }
@@ -268,7 +312,8 @@ mod tests {
     #[test]
     fn what_the_poses_cannot_tell_names_what_was_held() {
         let model = ModelPlan::default();
-        let all = untold(&model, &FITTED.map(String::from), &calibration(1.0)).join(" ");
+        let breasts: Vec<String> = Parameter::ALL[..2].iter().map(|p| p.key().into()).collect();
+        let all = untold(&model, &breasts, &calibration(1.0)).join(" ");
         for part in [
             "0.981 g/cm³",
             "skin: 10 kPa, 2 mm",
@@ -279,17 +324,26 @@ mod tests {
             assert!(all.contains(part), "{part}: {all}");
         }
         assert!(!all.contains("modulus of the"), "{all}");
-        let one = untold(
-            &model,
-            &FITTED[..1].iter().map(|&key| key.into()).collect::<Vec<_>>(),
-            &calibration(1.0),
-        )
-        .join(" ");
+        let one = untold(&model, &breasts[..1], &calibration(1.0)).join(" ");
         assert!(
             one.contains("modulus of the left breast (0.220 kPa)")
                 && !one.contains("right breast ("),
             "{one}"
         );
+    }
+
+    #[test]
+    fn a_skin_that_was_fitted_is_told_with_what_it_cannot_be_told_from() {
+        let mut found = calibration(1.0);
+        found.after.moduli.shared.skin_kpa = Some(4.2);
+        let keys: Vec<String> = Parameter::ALL[..3].iter().map(|p| p.key().into()).collect();
+        let all = untold(&ModelPlan::default(), &keys, &found).join(" ");
+        assert!(all.contains("Skin: 4.200 within a factor of 1.35"), "{all}");
+        assert!(all.contains("breast −0.90: the poses tell both together only"), "{all}");
+        assert!(!all.contains("Skin and fascia were not fitted") && !all.contains("skin: 10 kPa"));
+        found.precision = Precision::default();
+        let all = untold(&ModelPlan::default(), &keys, &found).join(" ");
+        assert!(all.contains("The poses tell nothing of skin"), "{all}");
     }
 
     #[test]
@@ -307,10 +361,10 @@ mod tests {
     fn a_second_search_that_ends_elsewhere_is_a_warning() {
         let mut found = calibration(1.0);
         assert_eq!(second_start_warning(&found), None);
-        let from = Moduli { right_kpa: 1.5, left_kpa: 1.5 };
+        let from = Moduli::new(1.5, 1.5);
         let second = |left_kpa: f64| SecondStart {
             from,
-            end: Some(Moduli { right_kpa: 0.31, left_kpa }),
+            end: Some(Moduli::new(0.31, left_kpa)),
             evaluations: 7,
         };
         found.second = Some(second(0.221));

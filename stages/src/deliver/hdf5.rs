@@ -3,7 +3,7 @@
 use super::{clamping, fits, sections};
 use crate::{
     artifact::{bytes_artifact, bytes_of},
-    calibrate::Calibration,
+    calibrate::{Calibration, Parameter},
     compress::Compression,
     fiducials::Fiducials,
     mammogram::Mammograms,
@@ -23,7 +23,7 @@ use mammotwin_data::{
     metric::Metric,
     progress::Progress,
     store::Stage,
-    study::Study,
+    study::{ModelPlan, Study},
 };
 use serde::Serialize;
 
@@ -100,7 +100,7 @@ impl Stage for Deliver {
         };
         let mut curves: Vec<Curve> = compression.iter().map(force_thickness).collect();
         curves.extend(clamping::of(metrics).map(clamping::curve));
-        curves.push(search(calibration));
+        curves.push(search(calibration, &self.study.model));
         let regions: Vec<&PictureRegions> = metrics.iter().flat_map(|m| &m.regions).collect();
         let mut pictures = Vec::new();
         if let Some(made) = mammograms {
@@ -222,12 +222,25 @@ fn force_thickness(compression: &Compression) -> Curve {
     }
 }
 
-fn search(calibration: &Calibration) -> Curve {
+fn search(calibration: &Calibration, model: &ModelPlan) -> Curve {
     let trials = &calibration.trials;
     let column = |name: &str, units: &str, long: &str, of: fn(&crate::calibrate::Trial) -> f64| {
         Column::new(name, units, long, trials.iter().map(of).collect())
     };
     let number = (0..trials.len()).map(|n| n as f64).collect();
+    let shared = Parameter::ALL.into_iter().filter(|parameter| parameter.side().is_none());
+    let shared = shared.filter_map(|parameter| {
+        // The first evaluation is that of the study's numbers, which are fitted from then on.
+        let first = parameter.value(&trials.first()?.moduli, model);
+        calibration.fitted_value(parameter)?;
+        let values = trials
+            .iter()
+            .map(|t| parameter.given(&t.moduli).or(first).unwrap_or(f64::NAN))
+            .collect();
+        let name = parameter.key().replace('.', "_");
+        Some(Column::new(&name, parameter.units(), &parameter.title(), values))
+    });
+    let shared: Vec<Column> = shared.collect();
     Curve {
         name: "calibration".into(),
         long_name: "Evaluations of the search for the moduli".into(),
@@ -241,6 +254,9 @@ fn search(calibration: &Calibration) -> Curve {
             column("modified_hausdorff_mm", "mm", "Modified Hausdorff distance", |t| {
                 t.modified_hausdorff_mm
             }),
-        ],
+        ]
+        .into_iter()
+        .chain(shared)
+        .collect(),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{html::Images, measured};
 use crate::{
-    calibrate::{Calibration, Trial},
+    calibrate::{Calibration, Parameter, Trial},
     compress::Compression,
     mammogram::Mammograms,
     mesh::BreastMesh,
@@ -196,10 +196,7 @@ pub fn calibration(mesh: &BreastMesh, calibration: &Calibration) -> FitReport {
     let moduli = |side: Side| {
         let [then, now] = [before, after].map(|fit| fit.moduli.of_side(side));
         match precision.of_side(side) {
-            Some(sd) => {
-                let [low, high] = [-NINETY, NINETY].map(|part| now * (part * sd).exp());
-                format!("{then:.3} → {now:.3} kPa (90 %: {low:.3} – {high:.3})")
-            }
+            Some(sd) => format!("{then:.3} → {now:.3} kPa{}", interval(now, sd)),
             None if fitted => format!("{then:.3} → {now:.3} kPa"),
             None => format!("{now:.3} kPa"),
         }
@@ -207,8 +204,14 @@ pub fn calibration(mesh: &BreastMesh, calibration: &Calibration) -> FitReport {
     let mut facts = vec![
         Fact::new("Right breast", moduli(Side::Right)),
         Fact::new("Left breast", moduli(Side::Left)),
-        Fact::new("Evaluations", trials.len().to_string()),
     ];
+    for parameter in Parameter::ALL.into_iter().filter(|parameter| parameter.side().is_none()) {
+        let Some(now) = calibration.fitted_value(parameter) else { continue };
+        let units = if parameter.units() == "1" { "" } else { " kPa" };
+        let known = precision.of(parameter).map(|sd| interval(now, sd)).unwrap_or_default();
+        facts.push(Fact::new(&parameter.title(), format!("{now:.3}{units}{known}")));
+    }
+    facts.push(Fact::new("Evaluations", trials.len().to_string()));
     let mut maps = Vec::new();
     for (then, now) in before.poses.iter().zip(&after.poses) {
         facts.push(distance_fact(&format!("Skin distance, {}", now.pose), then, now));
@@ -223,6 +226,12 @@ pub fn calibration(mesh: &BreastMesh, calibration: &Calibration) -> FitReport {
 
 /// Standard deviations on either side that hold 90 % of a normal distribution.
 const NINETY: f64 = 1.645;
+
+/// Where 90 % lie of a number whose logarithm has this standard deviation.
+fn interval(value: f64, sd: f64) -> String {
+    let [low, high] = [-NINETY, NINETY].map(|part| value * (part * sd).exp());
+    format!(" (90 %: {low:.3} – {high:.3})")
+}
 
 /// How well the stress-free shape, loaded again, takes the reference pose.
 pub fn round_trip(calibration: &Calibration) -> Vec<Metric> {

@@ -78,11 +78,9 @@ pub(super) fn linear(
         rest += signature.change(amplitude);
     }
     let columns: Vec<DVector<f64>> = by_moduli.iter().map(|v| whitener.whiten(v)).collect();
-    let mut moduli = evidence.moduli;
     let at = least_squares(&DMatrix::from_columns(&columns), &whitener.whiten(&seen_part(&rest)));
     rest += at[0] * slopes[0] + at[1] * slopes[1];
-    moduli.right_kpa *= at[0].exp();
-    moduli.left_kpa *= at[1].exp();
+    let moduli = evidence.moduli.times(at[0].exp(), at[1].exp());
     Fitted {
         misfit: whitener.whiten(&seen_part(&rest)).norm_squared(),
         residual: rest,
@@ -195,10 +193,7 @@ impl Model for Solutions<'_> {
 
     fn solve(&self, at: &DVector<f64>, near: &Fit) -> Result<(DVector<f64>, Fit), Failure> {
         let Refit { experiment, plan, start, .. } = self.refit;
-        let moduli = Moduli {
-            right_kpa: start.moduli.right_kpa * at[0].exp(),
-            left_kpa: start.moduli.left_kpa * at[1].exp(),
-        };
+        let moduli = start.moduli.times(at[0].exp(), at[1].exp());
         let plan = match self.place {
             Some(k) => with_effect(plan, self.refit.effect(k), at[2]),
             None => (*plan).clone(),

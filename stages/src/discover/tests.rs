@@ -65,7 +65,7 @@ pub(super) fn evidence(residual: DVector<f64>) -> Evidence {
         weighed: (0..nodes as u32).collect(),
         edges: Vec::new(),
         shapes: vec![shape.clone(); 3],
-        moduli: Moduli { right_kpa: 0.3, left_kpa: 0.2 },
+        moduli: Moduli::new(0.3, 0.2),
         off: DVector::zeros(3 * nodes),
         by_moduli: [linear(sag(&shape, true)), linear(sag(&shape, false))],
         signatures: vec![

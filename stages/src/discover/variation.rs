@@ -116,8 +116,7 @@ pub(super) struct Variation<'a> {
 
 impl Variation<'_> {
     fn moduli(&self, [right, left]: [f64; 2]) -> Moduli {
-        let Moduli { right_kpa, left_kpa } = self.base.moduli;
-        Moduli { right_kpa: right_kpa * right.exp(), left_kpa: left_kpa * left.exp() }
+        self.base.moduli.times(right.exp(), left.exp())
     }
 
     /// Change (mm) on the model's own mesh, the logarithms of its moduli changed by `logs`.

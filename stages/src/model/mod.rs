@@ -7,12 +7,14 @@
 mod anatomy;
 mod interface;
 mod ligaments;
+mod moduli;
 mod muscle;
 mod quadratic;
 mod recipe;
 
 pub use anatomy::{Anatomy, BreastBase, NoBreast};
 pub use ligaments::{CablePlan, LENGTH_MM, Ligament, cables, lateral_cables, region, shared_nodes};
+pub use moduli::{Moduli, Shared};
 pub use muscle::{LAYERS, Muscle, THINNEST_MM};
 pub use quadratic::Quadratic;
 pub use recipe::{Recipe, SheetPlan, Tether, TissuePlan};
@@ -20,7 +22,6 @@ pub use recipe::{Recipe, SheetPlan, Tether, TissuePlan};
 use crate::mesh::BreastMesh;
 use mammotwin_data::{
     Failure, Vec3,
-    labels::Side,
     mesh::{Patch, TetMesh},
     solution::Solution,
     study::{InterfaceKind, InterfacePlan, LawConstants, LawName, ModelPlan},
@@ -32,30 +33,6 @@ use mammotwin_solver::{
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-
-/// Young's moduli of the breasts, the unknowns of the calibration.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Moduli {
-    /// Right breast (kPa).
-    pub right_kpa: f64,
-    /// Left breast (kPa).
-    pub left_kpa: f64,
-}
-
-impl Moduli {
-    /// The moduli that a study gives.
-    pub fn of(plan: &ModelPlan) -> Self {
-        Self { right_kpa: plan.breast.young_right_kpa, left_kpa: plan.breast.young_left_kpa }
-    }
-
-    /// Modulus of a side (kPa).
-    pub fn of_side(&self, side: Side) -> f64 {
-        match side {
-            Side::Right => self.right_kpa,
-            Side::Left => self.left_kpa,
-        }
-    }
-}
 
 /// One law for breast, skin and fascia alike, in place of the laws of the plan.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -114,10 +91,22 @@ impl<'a> Body<'a> {
         gravity: Vec3,
         law: Option<LawOverride>,
     ) -> Result<Model, Failure> {
-        let plan = self.plan;
-        if !plan.muscle.rigid && self.muscle.is_none() {
+        if !self.plan.muscle.rigid && self.muscle.is_none() {
             return Err(Failure::BadInput(NO_MUSCLE.into()));
         }
+        let plan = &moduli.applied(self.plan);
+        Body { plan, ..self.clone() }.build(rest, moduli, gravity, law)
+    }
+
+    /// The same, of a plan that has these moduli.
+    fn build(
+        &self,
+        rest: &[Vec3],
+        moduli: Moduli,
+        gravity: Vec3,
+        law: Option<LawOverride>,
+    ) -> Result<Model, Failure> {
+        let plan = self.plan;
         let elements = self.quadratic.map_or(self.mesh, |quadratic| &quadratic.parents);
         let recipe = Recipe::new(elements, self.anatomy, plan, rest, moduli, gravity, law)?;
         let mut model = Model::new(&TetMesh { points: rest.to_vec(), ..TetMesh::default() });

@@ -2,7 +2,7 @@
 //! and how far that is from what was measured.
 
 use crate::{
-    calibrate::{Calibration, Fit},
+    calibrate::{Calibration, Fit, Parameter},
     fiducials::{Fiducials, Miss, Summary},
     measure::{PoseMeasures, SideMeasures},
     model::Moduli,
@@ -11,7 +11,8 @@ use crate::{
     segment::{REAR_SEEN, WALL_SEEN},
 };
 use mammotwin_data::{
-    Failure, Vec3, io::hdf5::Writer, mesh::TetMesh, store::Notes, study::Use, units::DEGREE,
+    Failure, Vec3, io::hdf5::Writer, labels::Side, mesh::TetMesh, store::Notes, study::Use,
+    units::DEGREE,
 };
 
 /// One pose of the study.
@@ -230,10 +231,11 @@ fn put_certainty(file: &mut Writer, found: &Calibration) -> Result<(), Failure> 
         file.put_scalar("calibration/lack_of_fit", lack, "1", long_name)?;
     }
     let precision = &found.precision;
+    let (right, left) = (Parameter::Right, Parameter::Left);
     for (name, value, long_name) in [
-        ("sd_ln_young_right", precision.right, "Standard deviation of ln(modulus), right"),
-        ("sd_ln_young_left", precision.left, "Standard deviation of ln(modulus), left"),
-        ("correlation", precision.correlation, "Correlation of the two"),
+        ("sd_ln_young_right", precision.of(right), "Standard deviation of ln(modulus), right"),
+        ("sd_ln_young_left", precision.of(left), "Standard deviation of ln(modulus), left"),
+        ("correlation", precision.correlation(right, left), "Correlation of the two"),
     ] {
         if let Some(value) = value {
             file.put_scalar(&format!("calibration/{name}"), value, "1", long_name)?;
@@ -247,6 +249,31 @@ fn put_certainty(file: &mut Writer, found: &Calibration) -> Result<(), Failure> 
     put(file, "from_kpa", second.from, "Right and left modulus that a second search began with")?;
     if let Some(end) = second.end {
         put(file, "end_kpa", end, "Right and left modulus that it ended with")?;
+    }
+    Ok(())
+}
+
+/// Writes `/calibration/shared`: what was fitted beside the moduli of the breasts.
+fn put_shared(file: &mut Writer, found: &Calibration, draws: &[Moduli]) -> Result<(), Failure> {
+    let shared = Parameter::ALL.into_iter().filter(|parameter| parameter.side().is_none());
+    for parameter in shared {
+        let Some(value) = found.fitted_value(parameter) else { continue };
+        let group = format!("calibration/shared/{}", parameter.key().replace('.', "_"));
+        let (units, words) = (parameter.units(), parameter.words());
+        file.put_scalar(&format!("{group}/value"), value, units, words)?;
+        let Some(sd) = found.precision.of(parameter) else { continue };
+        let long_name = "Standard deviation of its logarithm";
+        file.put_scalar(&format!("{group}/sd_ln"), sd, "1", long_name)?;
+        for side in [Side::Right, Side::Left] {
+            let with = found.precision.correlation(parameter, Parameter::of_side(side));
+            if let Some(with) = with {
+                let long_name = "Correlation with the logarithm of the modulus of that breast";
+                let name = format!("{group}/correlation_{}", side.name());
+                file.put_scalar(&name, with, "1", long_name)?;
+            }
+        }
+        let drawn: Vec<f64> = draws.iter().filter_map(|draw| parameter.given(draw)).collect();
+        file.put(&format!("{group}/draws"), &drawn, units, "Drawn with calibration/draws_kpa")?;
     }
     Ok(())
 }
@@ -280,10 +307,11 @@ pub fn put_calibration(
     put_certainty(file, found)?;
     let draws = found.precision.draws(found.after.moduli, DRAWS);
     if !draws.is_empty() {
-        let values: Vec<f64> = draws.iter().flatten().copied().collect();
+        let values: Vec<f64> = draws.iter().flat_map(|d| [d.right_kpa, d.left_kpa]).collect();
         let long_name = "Young's moduli of the right and the left breast, drawn from what the distances leave open";
         file.put_array("calibration/draws_kpa", &[draws.len(), 2], &values, "kPa", long_name)?;
     }
+    put_shared(file, found, &draws)?;
     file.put_mesh("calibration/rest", rest)?;
     file.attribute("calibration/rest", "long_name", "Stress-free shape of all poses")?;
     Ok(())

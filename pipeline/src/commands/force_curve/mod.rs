@@ -184,8 +184,7 @@ fn gather(
         let moduli = first.calibration.load()?.after.moduli;
         let mut study: Study = opened.study.clone();
         study.calibrate.parameters.clear();
-        study.model.breast.young_right_kpa = moduli.right_kpa;
-        study.model.breast.young_left_kpa = moduli.left_kpa;
+        study.model = moduli.applied(&study.model);
         let meshing = |part: &f64| {
             let size_mm = part * study.mesh.size_mm;
             let meshing = MeshPlan { size_mm, elements: Elements::Linear };
