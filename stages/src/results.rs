@@ -6,6 +6,8 @@ mod compression;
 mod poses;
 
 pub use compression::Picture;
+#[cfg(test)]
+pub(crate) use poses::put_calibration;
 pub use poses::{DRAWS, PoseResult};
 
 use crate::{

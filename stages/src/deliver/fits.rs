@@ -239,13 +239,14 @@ pub fn metrics(calibration: &Calibration, fiducials: &[Fiducials]) -> Vec<Metric
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::results::put_calibration;
     use crate::{
         calibrate::{Fit, Precision, RoundTrip, SecondStart, Trial},
         fiducials::{Fiducial, Miss},
         model::Moduli,
         pose::PoseFit,
     };
-    use mammotwin_data::{Vec3, solution::Solution};
+    use mammotwin_data::{Vec3, io::hdf5, mesh::TetMesh, solution::Solution};
     use mammotwin_solver::distance::Distances;
 
     /// A fit of prone to supine that leaves `misfit_mm`.
@@ -341,9 +342,28 @@ mod tests {
         assert!(all.contains("Skin: 4.200 within a factor of 1.35"), "{all}");
         assert!(all.contains("breast −0.90: the poses tell both together only"), "{all}");
         assert!(!all.contains("Skin and fascia were not fitted") && !all.contains("skin: 10 kPa"));
-        found.precision = Precision::default();
-        let all = untold(&ModelPlan::default(), &keys, &found).join(" ");
+        let mut unknown = found.clone();
+        unknown.precision = Precision::default();
+        let all = untold(&ModelPlan::default(), &keys, &unknown).join(" ");
         assert!(all.contains("The poses tell nothing of skin"), "{all}");
+
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("results.h5");
+        for (found, known) in [(&found, true), (&unknown, false)] {
+            let mut file = hdf5::Writer::create(&path).unwrap();
+            put_calibration(&mut file, found, &keys, &TetMesh::default()).unwrap();
+            file.finish().unwrap();
+            let file = hdf5::Reader::open(&path).unwrap();
+            let of = |name: &str| format!("calibration/shared/skin_young_kpa/{name}");
+            assert_eq!(file.scalar::<f64>(&of("value")).unwrap(), 4.2);
+            assert_eq!(file.has(&of("draws")), known);
+            if known {
+                assert!((file.scalar::<f64>(&of("sd_ln")).unwrap() - 0.3).abs() < 1e-12);
+                assert_eq!(file.get::<f64>(&of("draws")).unwrap().len(), 1000);
+                let with = file.scalar::<f64>(&of("correlation_right")).unwrap();
+                assert!((with + 0.9).abs() < 1e-12, "{with}");
+            }
+        }
     }
 
     #[test]
