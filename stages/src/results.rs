@@ -6,7 +6,6 @@ mod compression;
 mod poses;
 
 pub use compression::Picture;
-#[cfg(test)]
 pub(crate) use poses::put_calibration;
 pub use poses::{DRAWS, PoseResult};
 
@@ -118,7 +117,7 @@ pub fn write(path: &Path, results: &Results) -> Result<(), Failure> {
     }
     if let Some((found, rest)) = results.calibration {
         let fitted = &results.study.calibrate.parameters;
-        poses::put_calibration(&mut file, found, fitted, rest)?;
+        put_calibration(&mut file, found, fitted, rest)?;
         compression::put_muscle(&mut file, "calibration/muscle/tets", results.muscle)?;
         let long_name = "Nodes that are the nipples, right and left";
         file.put("calibration/nipple_nodes", results.nipple_nodes, "1", long_name)?;
