@@ -42,7 +42,7 @@ pub fn estimates(outcome: &Outcome) -> Result<Estimates, Failure> {
     }
     let calibration = outcome.calibration.load()?;
     for parameter in Parameter::ALL {
-        let value = calibration.fitted_value(parameter);
+        let value = parameter.given(&calibration.after.moduli);
         found.moduli.extend(value.map(|value| (parameter.key().into(), value)));
     }
     for (before, after) in calibration.before.poses.iter().zip(&calibration.after.poses) {

@@ -14,7 +14,6 @@ use mammotwin_data::{
     Failure,
     io::dicom::Intent,
     labels::LabelMap,
-    labels::Side,
     store::{Entry, Run, Stage, State, Stored},
     study::{CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
     surface::TriMesh,
@@ -246,12 +245,11 @@ pub fn discover(
             not have; set it to true";
         return Err(Failure::BadInput(why.into()));
     }
-    let breasts = [Side::Right, Side::Left].map(|side| Parameter::of_side(side).key());
-    let mut others =
-        study.calibrate.parameters.iter().filter(|key| !breasts.contains(&key.as_str()));
-    if let Some(key) = others.next() {
+    let fitted = Parameter::named(&study.calibrate.parameters);
+    if let Some(shared) = fitted.into_iter().find(|parameter| parameter.side().is_none()) {
         let why = format!(
-            "calibrate.parameters: effects are looked for beside the moduli of the breasts alone; leave {key} out"
+            "calibrate.parameters: effects are looked for beside the moduli of the breasts alone; leave {} out",
+            shared.key()
         );
         return Err(Failure::BadInput(why));
     }

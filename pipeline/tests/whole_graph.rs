@@ -183,6 +183,7 @@ fn the_tiny_volunteer_runs_again_only_where_it_must_and_to_the_same_bits() {
     assert_eq!(computed(&study, "2"), 0);
     deviations::comfort_has_its_deviations(&study, &text);
     a_tilt_to_the_other_side_is_refused(&study, &text);
+    effects_are_not_sought_beside_a_skin_that_is_fitted(&study, &text);
     what_is_held_out_is_read_by_no_fit(&study);
     what_has_no_place_in_the_breast_is_refused(&study, &text);
     gland_follows_the_labels(&study, &text);
@@ -197,6 +198,20 @@ fn a_tilt_to_the_other_side_is_refused(study: &Path, text: &str) {
     let said = String::from_utf8_lossy(&run.stderr);
     assert_eq!(run.status.code(), Some(65), "{said}");
     assert!(said.contains("tilted: the breasts moved against the change of gravity"), "{said}");
+    fs::write(study, text).unwrap();
+    assert_eq!(computed(study, "2"), 0);
+}
+
+/// What a fitted skin takes of an effect, the signatures of `discover` know nothing of.
+fn effects_are_not_sought_beside_a_skin_that_is_fitted(study: &Path, text: &str) {
+    let fitted = "parameters = [";
+    assert_eq!(text.matches(fitted).count(), 1);
+    let skin = text.replace(fitted, "parameters = [\"skin.young_kpa\", ");
+    fs::write(study, skin).unwrap();
+    let asked = mammotwin(&["discover", study.to_str().unwrap()]).output().unwrap();
+    let said = String::from_utf8_lossy(&asked.stderr);
+    assert_eq!(asked.status.code(), Some(65), "{said}");
+    assert!(said.contains("leave skin.young_kpa out"), "{said}");
     fs::write(study, text).unwrap();
     assert_eq!(computed(study, "2"), 0);
 }

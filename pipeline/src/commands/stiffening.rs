@@ -200,6 +200,8 @@ fn of_one_material(study: &Study, jm: f64) -> Study {
     for layer in [&mut model.skin, &mut model.fascia] {
         (layer.law, layer.jm) = (LawName::Gent, Some(jm));
     }
+    // It is given here: a fitted one would take its place.
+    study.calibrate.parameters.retain(|key| !key.ends_with(".jm"));
     study
 }
 
@@ -283,4 +285,25 @@ fn other(study: &Study, plan: &CompressPlan) -> Option<String> {
         record.force_n,
         record.thickness_mm
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mammotwin_data::study;
+
+    #[test]
+    fn a_limiting_stretch_that_is_given_is_not_fitted() {
+        let tissue = "law = \"gent\", jm = 3.0";
+        let text = format!(
+            "schema = 1\n[subject]\nid = \"a\"\n\
+             [poses.supine]\nimage = \"s.nii.gz\"\nposture = \"supine\"\nuse = \"fit\"\n\
+             [poses.prone]\nimage = \"p.nii.gz\"\nposture = \"prone\"\nuse = \"fit\"\n\
+             [model]\nbreast = {{ {tissue}, young_right_kpa = 0.3, young_left_kpa = 0.3 }}\n\
+             [calibrate]\nparameters = [\"breast.young_right_kpa\", \"skin.young_kpa\", \"breast.jm\"]\n"
+        );
+        let given = of_one_material(&study::parse(&text).unwrap(), 2.0);
+        assert_eq!(given.model.breast.jm, Some(2.0));
+        assert_eq!(given.calibrate.parameters, ["breast.young_right_kpa", "skin.young_kpa"]);
+    }
 }

@@ -130,11 +130,6 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// A number as it was found: moduli of the breasts in any case, others where they were fitted.
-    pub fn fitted_value(&self, parameter: Parameter) -> Option<f64> {
-        parameter.given(&self.after.moduli)
-    }
-
     /// Whether anything was fitted.
     pub fn fitted(&self) -> bool {
         self.trials.len() > 1

@@ -45,6 +45,11 @@ impl Parameter {
         }
     }
 
+    /// What both breasts share.
+    pub fn shared() -> impl Iterator<Item = Self> {
+        Self::ALL.into_iter().filter(|parameter| parameter.side().is_none())
+    }
+
     /// Those that a study names, in the order of [`Parameter::ALL`].
     pub fn named(keys: &[String]) -> Vec<Self> {
         Self::ALL.into_iter().filter(|known| keys.iter().any(|key| key == known.key())).collect()
@@ -87,6 +92,18 @@ impl Parameter {
     /// `kPa`, or `1`.
     pub fn units(self) -> &'static str {
         if self.is_jm() { "1" } else { "kPa" }
+    }
+
+    /// A value with its units.
+    pub fn written(self, value: f64) -> String {
+        let units = if self.is_jm() { "" } else { " kPa" };
+        format!("{value:.3}{units}")
+    }
+
+    /// Whether a search could not go on from this value, up or down.
+    pub fn is_bound(self, value: f64) -> bool {
+        let [low, high] = self.bounds();
+        value <= low * (1.0 + 1e-9) || value >= high * (1.0 - 1e-9)
     }
 
     /// The breast whose skin it moves; `None` for both.
@@ -173,6 +190,14 @@ mod tests {
     #[test]
     fn keys_are_those_that_a_study_may_name() {
         assert_eq!(Parameter::ALL.map(Parameter::key), CALIBRATED);
+    }
+
+    #[test]
+    fn values_are_written_with_their_units_and_bounds_are_told() {
+        assert_eq!(Parameter::Skin.written(4.19304), "4.193 kPa");
+        assert_eq!(Parameter::BreastJm.written(2.0), "2.000");
+        assert_eq!(Parameter::SkinJm.title(), "Jₘ of the skin");
+        assert!(Parameter::Skin.is_bound(0.5_f64.ln().exp()) && !Parameter::Skin.is_bound(0.51));
     }
 
     #[test]

@@ -15,9 +15,10 @@ use mammotwin_data::{
 };
 use nalgebra::{DMatrix, DVector};
 
-/// Trials of the moduli of the breasts at most, and as many more for each number that both share.
+/// Trials of the moduli of the breasts at most, as many more for each number that both share, and in all.
 const MAX_TRIALS: usize = 9;
 const MORE_TRIALS: usize = 9;
+const MOST_TRIALS: usize = 60;
 /// First change of the logarithms of the moduli, that of numbers that are tried by themselves later, and the largest in
 /// one step.
 const FIRST: f64 = 0.25;
@@ -59,6 +60,13 @@ struct Slope {
     column: DVector<f64>,
     /// Logarithms of what is fitted, where it was found.
     at: DVector<f64>,
+    /// Whether the search went far from there: it is to be found anew, and the best that is known until then.
+    stale: bool,
+}
+
+/// A derivative that the search can go by.
+fn fresh(slope: &Option<Slope>) -> Option<&Slope> {
+    slope.as_ref().filter(|slope| !slope.stale)
 }
 
 /// The nodes that are compared, and the rigid motions of their poses as orthonormal columns.
@@ -118,7 +126,7 @@ impl Compared {
                 *value = if *of == side { *value } else { 0.0 };
             }
         }
-        Some(Slope { column, at: from.at.clone() })
+        Some(Slope { column, at: from.at.clone(), stale: false })
     }
 }
 
@@ -128,14 +136,19 @@ impl Search<'_> {
         !self.fitted.is_empty() && self.experiment.targets.len() > 1
     }
 
+    /// What is fitted of what both breasts share.
+    fn shared(&self) -> impl Iterator<Item = Parameter> {
+        self.fitted.iter().copied().filter(|parameter| parameter.side().is_none())
+    }
+
     /// Searches from `start`.
     ///
     /// # Errors
     /// [`Failure::Numerics`] when the start has no equilibrium, or nothing beside it.
     pub fn run(&self, start: Moduli, progress: &dyn Progress) -> Result<Calibration, Failure> {
         let searched = self.searches();
-        let shared = self.fitted.iter().filter(|parameter| parameter.side().is_none()).count();
-        let rounds = if searched { MAX_TRIALS + MORE_TRIALS * shared } else { 1 };
+        let most = (MAX_TRIALS + MORE_TRIALS * self.shared().count()).min(MOST_TRIALS);
+        let rounds = if searched { most } else { 1 };
         let mut trials: Vec<Trial> = Vec::new();
         let mut failed: Option<(Moduli, String)> = None;
         let mut compared: Option<Compared> = None;
@@ -176,13 +189,13 @@ impl Search<'_> {
                 (best, damping) = (Some(point), 1.0);
             }
             let Some(best) = best.as_ref().filter(|_| searched) else { break };
-            if !gained && !alone && !self.forget_stale(best, &mut slopes) {
+            if !gained && !alone && !self.mark_stale(best, &mut slopes) {
                 damping *= 0.5;
             }
             alone = false;
             let mut step = self.step(known, best, &slopes);
             if step.as_ref().is_some_and(|step| damping * step.amax() < CLOSE)
-                && self.forget_stale(best, &mut slopes)
+                && self.mark_stale(best, &mut slopes)
             {
                 (step, damping) = (None, 1.0);
             }
@@ -203,7 +216,7 @@ impl Search<'_> {
                     to
                 }
                 // Known, and they say nothing.
-                None if slopes.iter().all(Option::is_some) => break,
+                None if slopes.iter().all(|slope| fresh(slope).is_some()) => break,
                 None => {
                     let first = trials.len() == 1;
                     alone = !first;
@@ -230,10 +243,9 @@ impl Search<'_> {
     /// What a trial is told by: both moduli, and what else is fitted.
     fn told(&self, moduli: &Moduli) -> String {
         let mut text = format!("{:.3} / {:.3} kPa", moduli.right_kpa, moduli.left_kpa);
-        for parameter in self.fitted.iter().filter(|parameter| parameter.side().is_none()) {
-            let value = self.value(*parameter, moduli);
-            let units = if parameter.units() == "1" { "" } else { " kPa" };
-            text += &format!(", {} {value:.3}{units}", parameter.words());
+        for parameter in self.shared() {
+            let value = parameter.written(self.value(parameter, moduli));
+            text += &format!(", {} {value}", parameter.words());
         }
         text
     }
@@ -280,7 +292,7 @@ impl Search<'_> {
             return;
         }
         for place in moved {
-            let shortest = if slopes[place].is_some() { TELLING } else { SHORTEST };
+            let shortest = if fresh(&slopes[place]).is_some() { TELLING } else { SHORTEST };
             let found = compared.slope(points, place, self.fitted[place].side(), shortest);
             if found.is_some() {
                 slopes[place] = found;
@@ -288,15 +300,16 @@ impl Search<'_> {
         }
     }
 
-    /// Forgets derivatives that were found elsewhere; whether there were any. Those by breasts alone follow the search.
-    fn forget_stale(&self, best: &Point, slopes: &mut [Option<Slope>]) -> bool {
-        if self.fitted.iter().all(|parameter| parameter.side().is_some()) {
+    /// Marks derivatives that were found elsewhere, to be found anew; whether there were any that were not marked yet. Those
+    /// by breasts alone follow the search.
+    fn mark_stale(&self, best: &Point, slopes: &mut [Option<Slope>]) -> bool {
+        if self.shared().next().is_none() {
             return false;
         }
         let mut any = false;
-        for slope in slopes {
-            if slope.as_ref().is_some_and(|slope| (&slope.at - &best.at).amax() > STALE) {
-                (*slope, any) = (None, true);
+        for slope in slopes.iter_mut().flatten() {
+            if !slope.stale && (&slope.at - &best.at).amax() > STALE {
+                (slope.stale, any) = (true, true);
             }
         }
         any
@@ -307,7 +320,7 @@ impl Search<'_> {
     fn unknown(&self, best: &Point, slopes: &[Option<Slope>], first: bool) -> DVector<f64> {
         let mut step = DVector::zeros(self.fitted.len());
         for (place, parameter) in self.fitted.iter().enumerate() {
-            if slopes[place].is_some() {
+            if fresh(&slopes[place]).is_some() {
                 continue;
             }
             if let Some(side) = parameter.side() {
@@ -342,12 +355,12 @@ impl Search<'_> {
         best: &Point,
         slopes: &[Option<Slope>],
     ) -> Option<DVector<f64>> {
-        let column = |slope: &Option<Slope>| Some(compared.rest(&slope.as_ref()?.column));
+        let column = |slope: &Option<Slope>| Some(compared.rest(&fresh(slope)?.column));
         let columns: Vec<DVector<f64>> = slopes.iter().map(column).collect::<Option<_>>()?;
         let jacobian = DMatrix::from_columns(&columns);
         let rest = compared.rest(&best.signed_mm);
         let (normal, right) = (jacobian.transpose() * &jacobian, -(jacobian.transpose() * rest));
-        if self.fitted.iter().all(|parameter| parameter.side().is_some()) {
+        if self.shared().next().is_none() {
             let step = normal.cholesky()?.solve(&right);
             return step.iter().all(|v| v.is_finite()).then_some(step);
         }

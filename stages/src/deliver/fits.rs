@@ -171,15 +171,21 @@ pub fn untold(model: &ModelPlan, parameters: &[String], calibration: &Calibratio
 /// How well the poses tell what both breasts share, and what they tell of it and the breasts together only.
 fn shared_told(calibration: &Calibration) -> Vec<String> {
     let precision = &calibration.precision;
-    let shared = Parameter::ALL.into_iter().filter(|parameter| parameter.side().is_none());
     let told = |parameter: Parameter| {
-        let value = calibration.fitted_value(parameter)?;
+        let value = parameter.given(&calibration.after.moduli)?;
         let Some(sd) = precision.of(parameter) else {
             let words = parameter.words();
             return Some(format!("The poses tell nothing of {words}, which was to be fitted."));
         };
-        let mut text =
-            format!("{}: {value:.3} within a factor of {:.2}", parameter.title(), sd.exp());
+        let mut text = format!(
+            "{}: {} within a factor of {:.2}",
+            parameter.title(),
+            parameter.written(value),
+            sd.exp()
+        );
+        if parameter.is_bound(value) {
+            text += ", the end of what is searched";
+        }
         if sd > UNTOLD {
             text += ", so the poses hardly tell it";
         }
@@ -193,7 +199,7 @@ fn shared_told(calibration: &Calibration) -> Vec<String> {
         }
         Some(format!("{text}.").replace("breast -", "breast −"))
     };
-    shared.filter_map(told).collect()
+    Parameter::shared().filter_map(told).collect()
 }
 
 /// What a second search says against the first one.
@@ -339,9 +345,13 @@ mod tests {
         found.after.moduli.shared.skin_kpa = Some(4.2);
         let keys: Vec<String> = Parameter::ALL[..3].iter().map(|p| p.key().into()).collect();
         let all = untold(&ModelPlan::default(), &keys, &found).join(" ");
-        assert!(all.contains("Skin: 4.200 within a factor of 1.35"), "{all}");
+        assert!(all.contains("Skin: 4.200 kPa within a factor of 1.35"), "{all}");
         assert!(all.contains("breast −0.90: the poses tell both together only"), "{all}");
         assert!(!all.contains("Skin and fascia were not fitted") && !all.contains("skin: 10 kPa"));
+        let mut ended = found.clone();
+        ended.after.moduli.shared.skin_kpa = Some(200.0);
+        let all = untold(&ModelPlan::default(), &keys, &ended).join(" ");
+        assert!(all.contains("1.35, the end of what is searched"), "{all}");
         let mut unknown = found.clone();
         unknown.precision = Precision::default();
         let all = untold(&ModelPlan::default(), &keys, &unknown).join(" ");

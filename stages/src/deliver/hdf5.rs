@@ -228,11 +228,10 @@ fn search(calibration: &Calibration, model: &ModelPlan) -> Curve {
         Column::new(name, units, long, trials.iter().map(of).collect())
     };
     let number = (0..trials.len()).map(|n| n as f64).collect();
-    let shared = Parameter::ALL.into_iter().filter(|parameter| parameter.side().is_none());
-    let shared = shared.filter_map(|parameter| {
+    let shared = Parameter::shared().filter_map(|parameter| {
         // The first evaluation is that of the study's numbers, which are fitted from then on.
         let first = parameter.value(&trials.first()?.moduli, model);
-        calibration.fitted_value(parameter)?;
+        parameter.given(&calibration.after.moduli)?;
         let values = trials
             .iter()
             .map(|t| parameter.given(&t.moduli).or(first).unwrap_or(f64::NAN))

@@ -205,11 +205,10 @@ pub fn calibration(mesh: &BreastMesh, calibration: &Calibration) -> FitReport {
         Fact::new("Right breast", moduli(Side::Right)),
         Fact::new("Left breast", moduli(Side::Left)),
     ];
-    for parameter in Parameter::ALL.into_iter().filter(|parameter| parameter.side().is_none()) {
-        let Some(now) = calibration.fitted_value(parameter) else { continue };
-        let units = if parameter.units() == "1" { "" } else { " kPa" };
+    for parameter in Parameter::shared() {
+        let Some(now) = parameter.given(&after.moduli) else { continue };
         let known = precision.of(parameter).map(|sd| interval(now, sd)).unwrap_or_default();
-        facts.push(Fact::new(&parameter.title(), format!("{now:.3}{units}{known}")));
+        facts.push(Fact::new(&parameter.title(), parameter.written(now) + &known));
     }
     facts.push(Fact::new("Evaluations", trials.len().to_string()));
     let mut maps = Vec::new();

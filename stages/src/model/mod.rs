@@ -95,20 +95,19 @@ impl<'a> Body<'a> {
             return Err(Failure::BadInput(NO_MUSCLE.into()));
         }
         let plan = &moduli.applied(self.plan);
-        Body { plan, ..self.clone() }.build(rest, moduli, gravity, law)
+        Body { plan, ..self.clone() }.build(rest, gravity, law)
     }
 
-    /// The same, of a plan that has these moduli.
+    /// The same with the moduli of the plan.
     fn build(
         &self,
         rest: &[Vec3],
-        moduli: Moduli,
         gravity: Vec3,
         law: Option<LawOverride>,
     ) -> Result<Model, Failure> {
         let plan = self.plan;
         let elements = self.quadratic.map_or(self.mesh, |quadratic| &quadratic.parents);
-        let recipe = Recipe::new(elements, self.anatomy, plan, rest, moduli, gravity, law)?;
+        let recipe = Recipe::new(elements, self.anatomy, plan, rest, gravity, law)?;
         let mut model = Model::new(&TetMesh { points: rest.to_vec(), ..TetMesh::default() });
         match self.quadratic {
             None => self.linear(&mut model, rest, &recipe),

@@ -108,7 +108,6 @@ impl Recipe {
         anatomy: &Anatomy,
         plan: &ModelPlan,
         rest: &[Vec3],
-        moduli: Moduli,
         gravity: Vec3,
         law: Option<LawOverride>,
     ) -> Result<Self, Failure> {
@@ -118,6 +117,7 @@ impl Recipe {
             constants: plan.breast.constants,
             poisson: plan.breast.poisson,
         });
+        let moduli = Moduli::of(plan);
         let tissue = |tissue: &Tissue| TissuePlan {
             law: breast.name,
             young_kpa: moduli.of_side(tissue.side().unwrap_or(Side::Left)),

@@ -255,9 +255,8 @@ fn put_certainty(file: &mut Writer, found: &Calibration) -> Result<(), Failure> 
 
 /// Writes `/calibration/shared`: what was fitted beside the moduli of the breasts.
 fn put_shared(file: &mut Writer, found: &Calibration, draws: &[Moduli]) -> Result<(), Failure> {
-    let shared = Parameter::ALL.into_iter().filter(|parameter| parameter.side().is_none());
-    for parameter in shared {
-        let Some(value) = found.fitted_value(parameter) else { continue };
+    for parameter in Parameter::shared() {
+        let Some(value) = parameter.given(&found.after.moduli) else { continue };
         let group = format!("calibration/shared/{}", parameter.key().replace('.', "_"));
         let (units, words) = (parameter.units(), parameter.words());
         file.put_scalar(&format!("{group}/value"), value, units, words)?;
