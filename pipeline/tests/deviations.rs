@@ -1,6 +1,6 @@
-//! Standard deviations of comfort on the tiny volunteer of `whole_graph`, recomputed by hand.
+//! Standard deviations of comfort on the tiny volunteer of `all_stages`, recomputed by hand.
 
-use crate::whole_graph::{computed, planned};
+use crate::all_stages::{computed, planned};
 use mammotwin_data::{
     io::hdf5,
     labels::Side,

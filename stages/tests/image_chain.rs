@@ -24,12 +24,22 @@ fn judged(hidden: Hidden, seed: u64) -> ChainVerdict {
     model.judge(&seen, &held_out).unwrap()
 }
 
-/// Each effect, three seeds: named, of its size, and the misfit of exposures that the search did not see
-/// shrinks by at least 70 % of what it is above the errors.
+/// Each effect: named, of its size, and the misfit of exposures that the search did not see shrinks by at
+/// least 70 % of what it is above the errors.
 #[test]
 fn each_hidden_effect_is_named_and_the_held_out_misfit_shrinks() {
+    named_and_shrunk(&[1]);
+}
+
+#[test]
+#[ignore = "a minute: other noise"]
+fn so_it_is_in_other_noise() {
+    named_and_shrunk(&[2, 3, 4]);
+}
+
+fn named_and_shrunk(seeds: &[u64]) {
     for effect in &IMAGE_EFFECTS {
-        for seed in 1..=3 {
+        for &seed in seeds {
             let found = judged(Hidden::Effect(effect.name), seed);
             let best = found.candidates.first();
             println!(

@@ -152,6 +152,16 @@ fn a_stiff_muscle_is_a_rigid_wall_and_a_soft_one_gives_way() {
 /// Verifies: breast that slides on a muscle of 1e4 kPa in the prone pose and in compression | the same on the rigid chest wall; stress-free shapes are found to 0.1 mm (rms; 0.05 is asked and missed) | skin 0.5 mm, 0.1 mm rms; force 2 %
 #[test]
 fn a_breast_slides_on_a_stiff_muscle_as_on_a_rigid_wall() {
+    slides_on(1e4);
+}
+
+#[test]
+#[ignore = "half a minute: the muscle's own modulus"]
+fn a_breast_slides_on_a_soft_muscle_otherwise() {
+    slides_on(10.0);
+}
+
+fn slides_on(young_kpa: f64) {
     let volunteer = volunteer();
     let kind = InterfaceKind::NoSeparation;
     let skin = volunteer.rigid.mesh.patch_nodes(Patch::Skin);
@@ -162,34 +172,29 @@ fn a_breast_slides_on_a_stiff_muscle_as_on_a_rigid_wall() {
     let slid = apart(&prone, &volunteer.rigid.mesh.points, &wall);
     println!("on the rigid wall nodes slide by {slid:.3?} mm (largest, rms)");
     let pressed = volunteer.compress(&rigid, reference);
-    for young_kpa in [1e4, 10.0] {
-        let plan = on_muscle(&volunteer.plan, kind, Some(young_kpa));
-        let found = volunteer.calibrate(&plan).unwrap();
-        println!("{young_kpa} kPa: round trip {:?}", found.after.round_trip);
-        let found_rms = found.after.round_trip.rms_mm;
-        let one = volunteer.prone(&plan, &found);
-        let on_skin = apart(&one.points, &prone, &skin);
-        println!("prone skin {on_skin:.4?} mm (largest, rms), {:?}", one.checks);
-        let squeezed = volunteer.compress(&plan, found);
-        let force = |c: &Compression| *c.curve.force_n.last().unwrap();
-        let share = force(&squeezed) / force(&pressed) - 1.0;
-        println!(
-            "compressed: force {:.2} % of {:.3} N, {:?}",
-            100.0 * share,
-            force(&pressed),
-            squeezed.solution.checks
-        );
-        let balance = one.checks.force_imbalance.max(one.checks.moment_imbalance);
-        // A node at the muscle's border that goes to and fro ends the search: 0.064 and 0.058 mm.
-        assert!(balance < 1e-4 && found_rms < 0.1, "{balance:e} {found_rms}");
-        if young_kpa < 1e3 {
-            assert!(on_skin[0] > 0.1, "{on_skin:?}");
-        } else {
-            assert!(
-                on_skin[0] < 0.5 && on_skin[1] < 0.1 && share.abs() < 0.02,
-                "{on_skin:?} {share}"
-            );
-        }
+    let plan = on_muscle(&volunteer.plan, kind, Some(young_kpa));
+    let found = volunteer.calibrate(&plan).unwrap();
+    println!("{young_kpa} kPa: round trip {:?}", found.after.round_trip);
+    let found_rms = found.after.round_trip.rms_mm;
+    let one = volunteer.prone(&plan, &found);
+    let on_skin = apart(&one.points, &prone, &skin);
+    println!("prone skin {on_skin:.4?} mm (largest, rms), {:?}", one.checks);
+    let squeezed = volunteer.compress(&plan, found);
+    let force = |c: &Compression| *c.curve.force_n.last().unwrap();
+    let share = force(&squeezed) / force(&pressed) - 1.0;
+    println!(
+        "compressed: force {:.2} % of {:.3} N, {:?}",
+        100.0 * share,
+        force(&pressed),
+        squeezed.solution.checks
+    );
+    let balance = one.checks.force_imbalance.max(one.checks.moment_imbalance);
+    // A node at the muscle's border that goes to and fro ends the search: 0.064 and 0.058 mm.
+    assert!(balance < 1e-4 && found_rms < 0.1, "{balance:e} {found_rms}");
+    if young_kpa < 1e3 {
+        assert!(on_skin[0] > 0.1, "{on_skin:?}");
+    } else {
+        assert!(on_skin[0] < 0.5 && on_skin[1] < 0.1 && share.abs() < 0.02, "{on_skin:?} {share}");
     }
 }
 

@@ -11,13 +11,15 @@
 //! follows from the scatter of the blocks' gradients ([`Sites::information`]).
 
 use super::{
-    Changes, RegisterError, change, landmarks,
+    Changes, RegisterError, change,
+    factor::Factor,
+    landmarks,
     lattice::{Lattice, Support},
     samples::{Block, Sample, covered},
     similarity::{Part, Placement},
 };
 use mammotwin_data::{Mat3, Vec3, rigid::RigidTransform, volume::Volume};
-use nalgebra::{DMatrix, DVector, Dyn, Matrix6, OMatrix, SVector, U6, U12};
+use nalgebra::{DMatrix, DVector, Dyn, Matrix3, Matrix6, OMatrix, SMatrix, SVector, U6};
 use rayon::prelude::*;
 
 /// Numbers of the rigid part: translation (mm), rotation vector (rad) about the centre.
@@ -47,7 +49,7 @@ pub(super) struct Climbed {
     /// Covered part of the samples, by weight.
     pub overlap: f64,
     pub iterations: usize,
-    /// Inverse of the covariance of the numbers.
+    /// Inverse of the covariance of the numbers, its lower triangle.
     precision: DMatrix<f64>,
 }
 
@@ -110,8 +112,8 @@ impl Elastic {
             iterations += 1;
             let mut matrix = here.precision.clone();
             (0..matrix.nrows()).for_each(|n| matrix[(n, n)] *= 1.0 + damping);
-            let Some(factor) = matrix.cholesky() else { break };
-            let step = factor.solve(&here.gradient);
+            let Some(factor) = Factor::of(matrix) else { break };
+            let step = factor.solve(here.gradient.clone());
             let old = self.numbers.clone();
             self.numbers += &step;
             let next = sites.evaluate(self);
@@ -150,7 +152,7 @@ impl Elastic {
         }
         let mut part = normal.cholesky()?.solve(&right);
         part.fixed_view_mut::<6, 6>(0, 0).fill_with_identity();
-        let spread = climbed.precision.clone().cholesky()?.solve(&part.transpose());
+        let spread = Factor::of(climbed.precision.clone())?.solve(part.transpose());
         Some((part * spread).fixed_view::<6, 6>(0, 0).into_owned())
     }
 }
@@ -186,44 +188,40 @@ struct Site {
     block: Block,
     center: Vec3,
     support: Vec<Support>,
-    columns: Vec<usize>,
-    jacobian: OMatrix<f64, U12, Dyn>,
+    /// Derivative of the twelve numbers of [`Local`] by the rigid ones.
+    rigid: SMatrix<f64, 12, RIGID>,
 }
 
 impl Site {
     fn of(block: Block, map: &Elastic) -> Self {
         let center = block.points.iter().sum::<Vec3>() / block.points.len() as f64;
         let support = map.lattice.at(&center);
-        let columns: Vec<usize> = (0..RIGID)
-            .chain(support.iter().flat_map(|near| (0..3).map(|axis| RIGID + 3 * near.index + axis)))
-            .collect();
-        let mut jacobian = OMatrix::<f64, U12, Dyn>::zeros(columns.len());
+        let mut rigid = SMatrix::<f64, 12, RIGID>::zeros();
         for axis in 0..3 {
             let unit = Vec3::ith(axis, 1.0);
-            jacobian[(axis, axis)] = 1.0;
+            rigid[(axis, axis)] = 1.0;
             let turned = unit.cross(&(center - map.center));
-            jacobian.fixed_view_mut::<3, 1>(0, 3 + axis).copy_from(&turned);
+            rigid.fixed_view_mut::<3, 1>(0, 3 + axis).copy_from(&turned);
             for column in 0..3 {
                 let turned = unit.cross(&Vec3::ith(column, 1.0));
-                jacobian.fixed_view_mut::<3, 1>(3 + 3 * column, 3 + axis).copy_from(&turned);
+                rigid.fixed_view_mut::<3, 1>(3 + 3 * column, 3 + axis).copy_from(&turned);
             }
         }
-        for (n, near) in support.iter().enumerate() {
-            for axis in 0..3 {
-                let at = RIGID + 3 * n + axis;
-                jacobian[(axis, at)] = near.weight;
-                for column in 0..3 {
-                    jacobian[(3 + 3 * column + axis, at)] = near.slope[column];
-                }
-            }
-        }
-        Self { block, center, support, columns, jacobian }
+        Self { block, center, support, rigid }
     }
+}
+
+/// How the shift and the three columns of the strain of [`Local`] change with a control point, along each
+/// axis alike.
+fn factors(near: &Support) -> [f64; 4] {
+    [near.weight, near.slope.x, near.slope.y, near.slope.z]
 }
 
 /// All blocks of a level.
 struct Sites<'a> {
     all: Vec<Site>,
+    /// The sites that each control point moves, and which of their supports it is.
+    moved: Vec<Vec<(usize, usize)>>,
     moving: &'a Volume<f32>,
     /// Logarithm of the likelihood that a unit of similarity is worth.
     information: f64,
@@ -235,13 +233,18 @@ struct State {
     /// Logarithm of the posterior, but for a constant.
     score: f64,
     gradient: DVector<f64>,
+    /// Its lower triangle.
     precision: DMatrix<f64>,
 }
 
 impl<'a> Sites<'a> {
     fn of(blocks: Vec<Block>, map: &Elastic, moving: &'a Volume<f32>) -> Self {
-        let all = blocks.into_par_iter().map(|block| Site::of(block, map)).collect();
-        let mut sites = Self { all, moving, information: 1.0 };
+        let all: Vec<Site> = blocks.into_par_iter().map(|block| Site::of(block, map)).collect();
+        let mut moved = vec![Vec::new(); map.lattice.len()];
+        for (n, site) in all.iter().enumerate() {
+            site.support.iter().enumerate().for_each(|(s, near)| moved[near.index].push((n, s)));
+        }
+        let mut sites = Self { all, moved, moving, information: 1.0 };
         sites.information = sites.information(&sites.parts(map));
         sites
     }
@@ -278,19 +281,30 @@ impl<'a> Sites<'a> {
             gradient: DVector::zeros(count),
             precision: DMatrix::zeros(count, count),
         };
-        for (site, part) in self.all.iter().zip(self.parts(map)) {
+        let parts = self.parts(map);
+        for (site, part) in self.all.iter().zip(&parts) {
             let Some(part) = part else { continue };
             state.similarity += site.block.weight * part.correlation;
             let weight = site.block.weight * self.information;
-            let slope = site.jacobian.tr_mul(&(weight * part.gradient));
-            let square = site.jacobian.tr_mul(&(weight * part.curvature * &site.jacobian));
-            for (a, &at) in site.columns.iter().enumerate() {
-                state.gradient[at] += slope[a];
-                for (b, &with) in site.columns.iter().enumerate() {
-                    state.precision[(with, at)] += square[(b, a)];
+            let bent = weight * part.curvature * site.rigid;
+            let slope = weight * part.gradient;
+            let mut own = state.gradient.fixed_rows_mut::<RIGID>(0);
+            own += site.rigid.tr_mul(&slope);
+            let mut own = state.precision.fixed_view_mut::<RIGID, RIGID>(0, 0);
+            own += site.rigid.tr_mul(&bent);
+            for near in &site.support {
+                let at = RIGID + 3 * near.index;
+                for (n, factor) in factors(near).into_iter().enumerate() {
+                    let mut control = state.gradient.fixed_rows_mut::<3>(at);
+                    control += factor * slope.fixed_rows::<3>(3 * n);
+                    let mut control = state.precision.fixed_view_mut::<3, RIGID>(at, 0);
+                    control += factor * bent.fixed_rows::<3>(3 * n);
                 }
             }
         }
+        // Three columns a control point, each by one thread: the same bits for any number of threads.
+        let columns = state.precision.as_mut_slice()[RIGID * count..].par_chunks_mut(3 * count);
+        columns.enumerate().for_each(|(control, columns)| self.control(control, &parts, columns));
         let stiffness = map.deviation_mm.powi(-2);
         state.score = self.information * state.similarity;
         for n in RIGID..count {
@@ -300,6 +314,31 @@ impl<'a> Sites<'a> {
             state.precision[(n, n)] += stiffness;
         }
         state
+    }
+
+    /// The precision's columns of a control point, from its own rows on.
+    fn control(&self, control: usize, parts: &[Option<Part<12>>], columns: &mut [f64]) {
+        let count = columns.len() / 3;
+        for &(n, s) in &self.moved[control] {
+            let (site, Some(part)) = (&self.all[n], &parts[n]) else { continue };
+            let weight = site.block.weight * self.information;
+            let own = factors(&site.support[s]).map(|factor| weight * factor);
+            let bent: [Matrix3<f64>; 4] = std::array::from_fn(|row| {
+                let of = |column: usize| {
+                    own[column] * part.curvature.fixed_view::<3, 3>(3 * row, 3 * column)
+                };
+                of(0) + of(1) + of(2) + of(3)
+            });
+            for other in site.support.iter().filter(|other| other.index >= control) {
+                let at = RIGID + 3 * other.index;
+                let [a, b, c, d] = factors(other);
+                let block = a * bent[0] + b * bent[1] + c * bent[2] + d * bent[3];
+                for axis in 0..3 {
+                    let rows = &mut columns[axis * count + at..][..3];
+                    rows.iter_mut().zip(block.column(axis).iter()).for_each(|(to, by)| *to += by);
+                }
+            }
+        }
     }
 }
 
@@ -363,6 +402,32 @@ mod tests {
             let slope = (at(1e-5) - at(-1e-5)) / 2e-5;
             assert!((slope - here.gradient[n]).abs() < 1e-5 * scale, "{n}: {slope}");
         }
+    }
+
+    /// The curvature of each block by its shift and strain, which are linear in the numbers.
+    #[test]
+    fn the_precision_is_that_of_shifts_and_strains() {
+        let (map, moving) = (map(2.0), moving());
+        let sites = Sites::of(blocks(), &map, &moving);
+        let (count, here) = (map.numbers.len(), sites.evaluate(&map));
+        let mut wanted = DMatrix::zeros(count, count);
+        for (site, part) in sites.all.iter().zip(sites.parts(&map)) {
+            let local = |map: &Elastic| {
+                let (shift, strain) = map.displacement(&site.center, &site.support);
+                DVector::from_iterator(12, shift.iter().chain(strain.iter()).copied())
+            };
+            let by = |n: usize| {
+                let mut other = map.clone();
+                other.numbers[n] += 1.0;
+                local(&other) - local(&map)
+            };
+            let jacobian = DMatrix::from_columns(&(0..count).map(by).collect::<Vec<_>>());
+            let curvature = site.block.weight * sites.information * part.unwrap().curvature;
+            wanted += jacobian.transpose() * curvature * jacobian;
+        }
+        (RIGID..count).for_each(|n| wanted[(n, n)] += map.deviation_mm.powi(-2));
+        let off = here.precision.lower_triangle() - wanted.lower_triangle();
+        assert!(off.amax() < 1e-9 * wanted.amax(), "{} of {}", off.amax(), wanted.amax());
     }
 
     #[test]

@@ -14,6 +14,7 @@
 
 mod change;
 mod elastic;
+mod factor;
 mod image;
 pub mod landmarks;
 mod lattice;
