@@ -110,13 +110,13 @@ pub enum Warning {
     },
     /// The rear of the muscle is a guess.
     #[error(
-        "the rear of the muscle is visible in only {percent:.0} % of the columns; elsewhere it is {nominal_mm:.0} mm thick by assumption"
+        "the rear of the muscle is visible in only {percent:.0} % of the columns; elsewhere its belly is taken for {belly_mm:.0} mm thick"
     )]
     NominalMuscle {
         /// Part of the columns in which it was seen (%).
         percent: f64,
-        /// Thickness assumed elsewhere (mm).
-        nominal_mm: f64,
+        /// Thickness assumed elsewhere half-way between sternum and side (mm).
+        belly_mm: f64,
     },
     /// The skin is thinner than a voxel.
     #[error(

@@ -126,7 +126,7 @@ pub(super) fn assign(
             return Place::Air;
         }
         if behind {
-            let rear = f64::from(wall.polar.value(&wall.rear, at));
+            let rear = f64::from(wall.polar.value(&wall.rear.radii, at));
             let muscle = radius >= rear && p.y > limits.lateral_y;
             return if muscle { Place::Muscle } else { Place::Thorax };
         }

@@ -142,7 +142,7 @@ fn mid_depth(wall: &Wall, sternum: [f64; 2]) -> f64 {
         let mut normal = nalgebra::Matrix3::<f64>::zeros();
         let mut right = nalgebra::Vector3::<f64>::zeros();
         for column in row * n_u..(row + 1) * n_u {
-            let p = polar.point(column, f64::from(wall.rear[column]));
+            let p = polar.point(column, f64::from(wall.rear.radii[column]));
             let x = (p.x - sternum[0] - sternum[1] * p.z) / 100.0;
             let y = (p.y - polar.axis[1]) / 100.0;
             let terms = nalgebra::Vector3::new(y * y, y, 1.0);

@@ -31,7 +31,6 @@ mod wall;
 pub(super) use body::neighbours;
 pub(super) use depth::distance_to_outside;
 pub use error::{Border, SegmentError, Warning};
-pub use rear::NOMINAL_MUSCLE_MM;
 pub use tissue::Classes;
 
 use frame::Frame;
@@ -195,9 +194,9 @@ pub fn segment_marked(
     if wall_seen < 0.6 {
         warnings.push(Warning::FaintWall { percent: 100.0 * wall_seen });
     }
-    if wall.rear_seen < 0.5 {
-        let percent = 100.0 * wall.rear_seen;
-        warnings.push(Warning::NominalMuscle { percent, nominal_mm: NOMINAL_MUSCLE_MM });
+    if wall.rear.seen < 0.5 {
+        let (percent, belly_mm) = (100.0 * wall.rear.seen, wall.rear.belly_mm);
+        warnings.push(Warning::NominalMuscle { percent, belly_mm });
     }
     let voxel_mm = image.grid.spacing_mm().into_iter().fold(0.0, f64::max);
     if voxel_mm > options.skin_mm {
@@ -226,7 +225,7 @@ pub fn segment_marked(
         chest_wall: wall.front_patch(limits.lateral_y, &image_from_body),
         classes,
         wall_seen,
-        muscle_rear_seen: wall.rear_seen,
+        muscle_rear_seen: wall.rear.seen,
         warnings,
     })
 }

@@ -39,5 +39,5 @@ pub(super) fn muscle_behind_fat(wall: &Wall, shaded: &Shaded) -> bool {
     let mut ratios: Vec<f64> = (0..wall.polar.len()).filter_map(ratio).collect();
     // Without enough tissue in front of the wall this says nothing.
     let found = median(&mut ratios).unwrap_or(1.0);
-    (ALIKE[0]..=ALIKE[1]).contains(&found) && wall.rear_seen >= REAR_SEEN
+    (ALIKE[0]..=ALIKE[1]).contains(&found) && wall.rear.seen >= REAR_SEEN
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// Thickness (mm) of the belly of the muscle where its rear is not seen; half-way between the
 /// sternum and the side.
-pub const NOMINAL_MUSCLE_MM: f64 = 10.0;
+const NOMINAL_MUSCLE_MM: f64 = 10.0;
 /// Thickness (mm) of the muscle at the sternum and at the side where its rear is not seen.
 const NOMINAL_THIN_MM: f64 = 4.0;
 
@@ -34,19 +34,62 @@ fn half_axes(polar: &Polar, front: &[f32]) -> [f64; 3] {
     [half(&mut middle), half(&mut wide).max(1.0), half(&mut deep).max(1.0)]
 }
 
-/// Rear of the muscle: a smooth surface behind the front where it gets brighter again (fat between
-/// the ribs, marrow), at about its nominal thickness; which it has where nothing is seen. Returns
-/// radii and the fraction of columns that show it.
+/// The rear of the muscle.
+#[derive(Debug, Clone)]
+pub(super) struct Rear {
+    /// Radii (mm), one for each column.
+    pub radii: Vec<f32>,
+    /// Fraction of the columns that show it.
+    pub seen: f64,
+    /// Thickness (mm) of the belly that is assumed where it is not seen.
+    pub belly_mm: f64,
+}
+
+/// Thicknesses (mm) that are tried.
+const THINNEST_MM: usize = 3;
+const TRIED: usize = 18;
+/// What a millimetre off the expected thickness costs, in units of fat.
+const PER_MM: f32 = 0.08;
+/// Times that what is seen tells how thick the muscle is beside it.
+const PASSES: usize = 3;
+/// A muscle is this much thinner or thicker than the nominal one at most, and on so few columns it is not told.
+const SCALES: [f64; 2] = [0.5, 2.0];
+const FEWEST_SEEN: f64 = 0.05;
+/// Bending of the thickness against what is seen of it.
+const BENDING: [f64; 2] = [20.0, 20.0];
+
+/// Brightening (units of fat) behind the front at each thickness, column after column: fat between the
+/// ribs, marrow.
+fn edges(polar: &Polar, fine: &Shaded, front: &[f32]) -> Vec<f32> {
+    let mut edges = vec![0.0f32; polar.len() * TRIED];
+    edges.par_chunks_mut(TRIED).enumerate().for_each(|(column, edges)| {
+        let depth = |mm: f64| {
+            let radius = (f64::from(front[column]) - mm).max(0.0);
+            fine.at(&polar.point(column, radius)).unwrap_or(0.0).min(1.0)
+        };
+        let profile: Vec<f32> =
+            (0..2 * (THINNEST_MM + TRIED + 4)).map(|n| depth(0.5 * n as f64)).collect();
+        let mean = |range: std::ops::Range<usize>| {
+            profile[range.clone()].iter().sum::<f32>() / range.len() as f32
+        };
+        for (n, edge) in edges.iter_mut().enumerate() {
+            let at = 2 * (THINNEST_MM + n);
+            *edge = mean(at..at + 5) - mean(at - 5..at);
+        }
+    });
+    edges
+}
+
+/// Rear of the muscle: a smooth surface behind the front where it gets brighter again, at about the
+/// thickness that is expected. That is at first the nominal one, then what is seen of this muscle, which
+/// also scales the nominal one where nothing is seen.
 pub(super) fn search(
     polar: &Polar,
     fine: &Shaded,
     front: &[f32],
     contrast: &[f32],
     bounds: &Bounds,
-) -> (Vec<f32>, f64) {
-    const PER_MM: f32 = 0.08;
-    let (thinnest, n_offset) = (3usize, 13usize);
-    let thickness = |n: usize| (thinnest + n) as f32;
+) -> Rear {
     let axes = half_axes(polar, front);
     let nominal = |column: usize| {
         let p = polar.point(column, f64::from(front[column]));
@@ -54,39 +97,39 @@ pub(super) fn search(
         let belly = (2.0 * u * v / (u * u + v * v).max(1e-9)).powi(2);
         (NOMINAL_THIN_MM + (NOMINAL_MUSCLE_MM - NOMINAL_THIN_MM) * belly) as f32
     };
-    let penalty = |column: usize, n: usize| PER_MM * (thickness(n) - nominal(column)).abs();
-    let mut cost = vec![0.0f32; polar.len() * n_offset];
-    cost.par_chunks_mut(n_offset).enumerate().for_each(|(column, cost)| {
-        let depth = |mm: f64| {
-            let radius = (f64::from(front[column]) - mm).max(0.0);
-            fine.at(&polar.point(column, radius)).unwrap_or(0.0).min(1.0)
-        };
-        let profile: Vec<f32> =
-            (0..2 * (thinnest + n_offset + 4)).map(|n| depth(0.5 * n as f64)).collect();
-        let mean = |range: std::ops::Range<usize>| {
-            profile[range.clone()].iter().sum::<f32>() / range.len() as f32
-        };
-        for (n, cost) in cost.iter_mut().enumerate() {
-            let at = 2 * (thinnest + n);
-            *cost = penalty(column, n) - (mean(at..at + 5) - mean(at - 5..at));
-        }
-    });
+    let nominal: Vec<f32> = (0..polar.len()).map(nominal).collect();
+    let thickness = |n: usize| (THINNEST_MM + n) as f32;
+    let edges = edges(polar, fine, front);
     let [n_u, n_v] = polar.shape;
-    let columns = Columns { n_u, n_v, n_offset, cost };
-    let offsets = optimal_surface(&columns, 0.15);
-    let mut data: Vec<f32> = (0..polar.len()).map(nominal).collect();
-    let mut weight = vec![0.02f32; polar.len()];
-    let mut n_seen = 0;
-    for column in 0..polar.len() {
-        let n = offsets[column];
-        let edge = penalty(column, n) - columns.cost[column * n_offset + n];
-        if contrast[column] > 0.3 && edge > 0.15 {
-            data[column] = thickness(n);
-            weight[column] = 1.0;
-            n_seen += 1;
+    let (mut data, mut weight) = (nominal.clone(), vec![0.0f32; polar.len()]);
+    let mut smooth = nominal.clone();
+    let (mut seen_part, mut scale) = (0.0, 1.0);
+    for _ in 0..PASSES {
+        let cost = edges
+            .iter()
+            .enumerate()
+            .map(|(at, edge)| PER_MM * (thickness(at % TRIED) - smooth[at / TRIED]).abs() - edge);
+        let columns = Columns { n_u, n_v, n_offset: TRIED, cost: cost.collect() };
+        let offsets = optimal_surface(&columns, 0.15);
+        let seen = |c: usize| contrast[c] > 0.3 && edges[c * TRIED + offsets[c]] > 0.15;
+        let mut over: Vec<f64> = (0..polar.len())
+            .filter(|&c| seen(c))
+            .map(|c| f64::from(thickness(offsets[c]) / nominal[c]))
+            .collect();
+        seen_part = over.len() as f64 / polar.len() as f64;
+        scale = match body::median(&mut over) {
+            Some(scale) if seen_part > FEWEST_SEEN => scale.clamp(SCALES[0], SCALES[1]),
+            _ => 1.0,
+        };
+        for c in 0..polar.len() {
+            (data[c], weight[c]) = if seen(c) {
+                (thickness(offsets[c]), 1.0)
+            } else {
+                (scale as f32 * nominal[c], 0.02)
+            };
         }
+        smooth = smooth_map(&data, &weight, polar.shape, BENDING);
     }
-    let mut smooth = smooth_map(&data, &weight, polar.shape, [20.0, 20.0]);
     let rear = |smooth: &[f32], c: usize| front[c] - smooth[c].clamp(2.0, 20.0);
     let wrong = |smooth: &[f32], c: usize| {
         let radius = rear(smooth, c);
@@ -101,8 +144,8 @@ pub(super) fn search(
         }
     }
     if moved {
-        smooth = smooth_map(&data, &weight, polar.shape, [20.0, 20.0]);
+        smooth = smooth_map(&data, &weight, polar.shape, BENDING);
     }
-    let rear = (0..polar.len()).map(|c| bounds.rear(c, rear(&smooth, c)).min(front[c])).collect();
-    (rear, f64::from(n_seen) / polar.len() as f64)
+    let radii = (0..polar.len()).map(|c| bounds.rear(c, rear(&smooth, c)).min(front[c])).collect();
+    Rear { radii, seen: seen_part, belly_mm: scale * NOMINAL_MUSCLE_MM }
 }

@@ -4,7 +4,7 @@ use super::body::{self, Body};
 use super::filter;
 use super::frame::sample_clamped;
 use super::polar::Polar;
-use super::rear;
+use super::rear::{self, Rear};
 use super::scribble::{Bounds, Marks};
 use super::search::{Columns, optimal_surface, smooth_map};
 use super::shading::Shaded;
@@ -53,14 +53,11 @@ pub(super) struct Wall {
     pub polar: Polar,
     /// Front of the muscle.
     pub front: Vec<f32>,
-    /// Rear of the muscle.
-    pub rear: Vec<f32>,
+    pub rear: Rear,
     /// Outermost radius at which there is body.
     pub surface: Vec<f32>,
     /// How clearly the front was seen, 0..=1.
     pub contrast: Vec<f32>,
-    /// Fraction of columns whose rear was seen.
-    pub rear_seen: f64,
     /// Whether the image shows the back of the body.
     pub whole_back: bool,
 }
@@ -126,8 +123,8 @@ pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body, marks: &Marks
     for (front, surface) in front.iter_mut().zip(&surface).filter(|(_, surface)| **surface > 0.0) {
         *front = front.min(surface - THINNEST_COVER_MM).max(1.0);
     }
-    let (rear, rear_seen) = rear::search(&polar, fine, &front, &contrast, &bounds);
-    Some(Wall { polar, front, rear, surface, contrast, rear_seen, whole_back: body.whole_back })
+    let rear = rear::search(&polar, fine, &front, &contrast, &bounds);
+    Some(Wall { polar, front, rear, surface, contrast, whole_back: body.whole_back })
 }
 
 /// Sets to one what lies more than `margin` (mm) inside of a map of radii: whatever has leaked
