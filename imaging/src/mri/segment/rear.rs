@@ -48,6 +48,9 @@ pub(super) struct Rear {
 /// Thicknesses (mm) that are tried.
 const THINNEST_MM: usize = 3;
 const TRIED: usize = 18;
+/// The ribs begin so far in front of where they brighten (mm): their cortex, a millimetre thick, is as dark
+/// as muscle, the fat beside them is not.
+const BEFORE_EDGE_MM: f32 = 0.5;
 /// What a millimetre off the expected thickness costs, in units of fat.
 const PER_MM: f32 = 0.08;
 /// Times that what is seen tells how thick the muscle is beside it.
@@ -98,7 +101,7 @@ pub(super) fn search(
         (NOMINAL_THIN_MM + (NOMINAL_MUSCLE_MM - NOMINAL_THIN_MM) * belly) as f32
     };
     let nominal: Vec<f32> = (0..polar.len()).map(nominal).collect();
-    let thickness = |n: usize| (THINNEST_MM + n) as f32;
+    let thickness = |n: usize| (THINNEST_MM + n) as f32 - BEFORE_EDGE_MM;
     let edges = edges(polar, fine, front);
     let [n_u, n_v] = polar.shape;
     let (mut data, mut weight) = (nominal.clone(), vec![0.0f32; polar.len()]);
