@@ -59,7 +59,7 @@ fn check(table: &str, poses: &[&str]) {
 fn a_volunteer_is_segmented_and_compared_with_her_truth() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("study");
-    check(&studied(&["--poses", "prone"], &out), &["prone"]);
+    check(&studied(&["--poses", "prone,tilted"], &out), &["prone", "tilted"]);
     for file in ["segmentation.md", "index.html", "tiny_prone.png"] {
         assert!(fs::metadata(out.join(file)).unwrap().len() > 1000, "{file}");
     }

@@ -431,6 +431,18 @@ mod tests {
     }
 
     #[test]
+    fn any_number_of_threads_gives_the_same_bits() {
+        let (map, moving) = (map(2.0), moving());
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| Sites::of(blocks(), &map, &moving).evaluate(&map))
+        };
+        let (one, three) = (with(1), with(3));
+        assert_eq!(one.precision, three.precision);
+        assert_eq!(one.gradient, three.gradient);
+    }
+
+    #[test]
     fn the_rigid_part_of_a_rigid_map_is_that_map() {
         let mut map = map(2.0);
         map.numbers.fill(0.0);

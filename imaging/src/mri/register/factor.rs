@@ -24,7 +24,7 @@ impl Factor {
             parameters,
         )
         .ok()?;
-        matrix.diagonal().iter().all(|pivot| *pivot > 0.0).then_some(Self(matrix))
+        Some(Self(matrix))
     }
 
     /// Solutions of as many systems as `right` has columns.
@@ -50,7 +50,7 @@ mod tests {
 
     #[test]
     fn a_system_is_solved_by_the_lower_triangle_alone() {
-        let n = 130;
+        let n = 400;
         let root = DMatrix::from_fn(n, n, |i, j| ((3 * i + 7 * j * j) as f64).sin());
         let matrix = &root * root.transpose() + DMatrix::identity(n, n);
         let x = DMatrix::from_fn(n, 2, |i, j| (i as f64 - 40.0 * j as f64).cos());

@@ -9,10 +9,10 @@ use super::wall::MARKED;
 use mammotwin_data::Vec3;
 use rayon::prelude::*;
 
-/// Thickness (mm) of the belly of the muscle where its rear is not seen; half-way between the
-/// sternum and the side.
+/// Thickness (mm) of the belly of the muscle, half-way between the sternum and the side, before anything
+/// of its rear is seen.
 const NOMINAL_MUSCLE_MM: f64 = 10.0;
-/// Thickness (mm) of the muscle at the sternum and at the side where its rear is not seen.
+/// Its thickness (mm) at the sternum and at the side.
 const NOMINAL_THIN_MM: f64 = 4.0;
 
 /// x of the middle of the wall, its half width, and its depth in front of the axis (mm): medians over
@@ -45,11 +45,11 @@ pub(super) struct Rear {
     pub belly_mm: f64,
 }
 
-/// Thicknesses (mm) that are tried.
+/// Depths (mm) behind the front at which an edge is looked for: the first, and how many.
 const THINNEST_MM: usize = 3;
 const TRIED: usize = 18;
-/// The ribs begin so far in front of where they brighten (mm): their cortex, a millimetre thick, is as dark
-/// as muscle, the fat beside them is not.
+/// The muscle ends so far in front of where an edge is filed (mm): a quarter, since the means that are compared
+/// meet there, and a quarter for the ribs' cortex, a millimetre thick and as dark as muscle; fat beside them has none.
 const BEFORE_EDGE_MM: f32 = 0.5;
 /// What a millimetre off the expected thickness costs, in units of fat.
 const PER_MM: f32 = 0.08;
@@ -61,7 +61,7 @@ const FEWEST_SEEN: f64 = 0.05;
 /// Bending of the thickness against what is seen of it.
 const BENDING: [f64; 2] = [20.0, 20.0];
 
-/// Brightening (units of fat) behind the front at each thickness, column after column: fat between the
+/// Brightening (units of fat) at each depth behind the front, column after column: fat between the
 /// ribs, marrow.
 fn edges(polar: &Polar, fine: &Shaded, front: &[f32]) -> Vec<f32> {
     let mut edges = vec![0.0f32; polar.len() * TRIED];
@@ -81,6 +81,15 @@ fn edges(polar: &Polar, fine: &Shaded, front: &[f32]) -> Vec<f32> {
         }
     });
     edges
+}
+
+/// How thick a muscle is over the nominal one, by the columns that show it: their thicknesses over the nominal
+/// ones, and which part of all they are.
+fn told(over: &mut [f64], seen: f64) -> f64 {
+    match body::median(over) {
+        Some(scale) if seen > FEWEST_SEEN => scale.clamp(SCALES[0], SCALES[1]),
+        _ => 1.0,
+    }
 }
 
 /// Rear of the muscle: a smooth surface behind the front where it gets brighter again, at about the
@@ -120,10 +129,7 @@ pub(super) fn search(
             .map(|c| f64::from(thickness(offsets[c]) / nominal[c]))
             .collect();
         seen_part = over.len() as f64 / polar.len() as f64;
-        scale = match body::median(&mut over) {
-            Some(scale) if seen_part > FEWEST_SEEN => scale.clamp(SCALES[0], SCALES[1]),
-            _ => 1.0,
-        };
+        scale = told(&mut over, seen_part);
         for c in 0..polar.len() {
             (data[c], weight[c]) = if seen(c) {
                 (thickness(offsets[c]), 1.0)
@@ -151,4 +157,18 @@ pub(super) fn search(
     }
     let radii = (0..polar.len()).map(|c| bounds.rear(c, rear(&smooth, c)).min(front[c])).collect();
     Rear { radii, seen: seen_part, belly_mm: scale * NOMINAL_MUSCLE_MM }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scale_of_a_muscle_is_the_median_of_what_is_seen() {
+        assert_eq!(told(&mut [1.2, 1.3, 9.0], 0.3), 1.3);
+        assert_eq!(told(&mut [1.2, 1.3, 9.0], 0.04), 1.0);
+        assert_eq!(told(&mut [], 0.3), 1.0);
+        assert_eq!(told(&mut [0.1], 0.3), SCALES[0]);
+        assert_eq!(told(&mut [7.0], 0.3), SCALES[1]);
+    }
 }
