@@ -13,12 +13,12 @@ use std::{
     process::{Command, Output},
 };
 
-/// Least of what three poses of a volunteer on voxels of 2.5 mm must reach: a little below the worst of
+/// Least of what each pose of a volunteer on voxels of 2.5 mm must reach: a little below the worst of
 /// those in `docs/segmentation.md`. The aims of 1 mm voxels are higher.
 const LEAST: [(&str, f64); 4] = [
     ("dice_breast", 0.94),
     ("dice_breast_true_limits", 0.96),
-    ("dice_muscle", 0.85),
+    ("dice_muscle", 0.90),
     ("dice_gland", 0.75),
 ];
 
