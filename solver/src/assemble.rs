@@ -4,18 +4,20 @@
 //! same bits for any number of threads. Each node has four unknowns, three displacements and a
 //! pressure, kept together in the elimination order; fixed ones and absent pressures are left out.
 
+mod analysis;
 pub mod moved;
 mod shift;
 mod slots;
 
 use crate::linear::{Ldlt, LinearError, Pattern};
 use crate::model::{Model, ModelError};
-use crate::ordering::{Graph, elimination_order};
 use crate::terms::{At, Block, ContactCheck, Curvature, Load, Order, Refusal, Term};
+pub use analysis::Analyses;
+use analysis::Analysis;
 use mammotwin_data::{Vec3, solution::Solution};
 use moved::Moved;
 use rayon::prelude::*;
-use slots::{NONE, pattern_of, scatter, slots_of};
+use slots::{NONE, scatter};
 use std::sync::Arc;
 
 /// Elements evaluated at once; bounds the memory and fixes the order of sums.
@@ -50,78 +52,45 @@ pub struct TermRefusal {
 
 /// Sparsity, unknowns and compliance of a model.
 pub struct Assembly {
-    /// Unknowns of each node: three displacements and the pressure.
-    unknowns: Vec<[u32; 4]>,
-    pattern: Pattern,
-    /// For each term and element, the value that each entry of its lower triangle adds to.
-    slots: Vec<Vec<u32>>,
+    analysis: Arc<Analysis>,
     /// Constant part of the matrix: minus the compliance.
     constant: Vec<f64>,
     /// Compliance of the pressures, factorised.
     compliance: Option<Ldlt>,
-    /// Pressure unknown of each node within the compliance.
-    pressures: Vec<u32>,
 }
 
 impl Assembly {
-    /// Analyses a model.
+    /// Analyses a model, or takes the analysis of one that has the same elements ([`Model::share`]).
     ///
     /// # Errors
     /// A free node without tissue, or too little memory.
     pub fn new(model: &Model) -> Result<Self, AssemblyError> {
-        Self::moved(model, &Moved::default())
+        Self::of(model, model.analyses(), &Moved::default())
     }
 
-    /// The same where contacts have moved on.
+    /// The same where contacts have moved on: to elements that no other model has.
     ///
     /// # Errors
     /// As [`Assembly::new`].
     pub fn moved(model: &Model, moved: &Moved) -> Result<Self, AssemblyError> {
-        let nodes = model.rest.len();
-        let terms = moved.terms(model);
-        let all = || terms.iter().flat_map(|&t| (0..t.elements()).map(move |e| (t, e)));
-        let graph = Graph::of_elements(nodes, all().map(|(t, e)| t.nodes(e)));
-        let order = elimination_order(&graph);
-        let mut has_pressure = vec![false; nodes];
-        for (term, element) in all() {
-            if term.is_mixed() {
-                for &n in term.nodes(element) {
-                    has_pressure[n as usize] = true;
-                }
-            }
-        }
-        let mut unknowns = vec![[NONE; 4]; nodes];
-        let mut pressures = vec![NONE; nodes];
-        let (mut count, mut pressure_count) = (0, 0);
-        for &node in &order {
-            let node = node as usize;
-            let free = model.fixed()[node].map(|fixed| !fixed);
-            if free != [false; 3] && graph.row(node).is_empty() {
-                return Err(ModelError::Loose { node, place: model.rest[node].into() }.into());
-            }
-            for (axis, &wanted) in free.iter().chain([&has_pressure[node]]).enumerate() {
-                if wanted {
-                    unknowns[node][axis] = count;
-                    count += 1;
-                }
-            }
-            if has_pressure[node] {
-                pressures[node] = pressure_count;
-                pressure_count += 1;
-            }
-        }
-        let pattern = pattern_of(&graph, &unknowns, count as usize);
-        let slots = terms.iter().map(|&t| slots_of(t, &unknowns, &pattern));
-        let mut assembly = Self {
-            slots: slots.collect(),
-            constant: vec![0.0; pattern.rows.len()],
-            unknowns,
-            pattern,
-            compliance: None,
-            pressures,
-        };
-        assembly.add_compliance(model, &graph, pressure_count as usize)?;
+        Self::of(model, &Analyses::default(), moved)
+    }
+
+    fn of(model: &Model, analyses: &Analyses, moved: &Moved) -> Result<Self, AssemblyError> {
+        let analysis = analyses.of(model, &moved.terms(model))?;
+        let compliance = analysis.compliance.clone().map(Ldlt::new).transpose()?;
+        let constant = vec![0.0; analysis.system.pattern().rows.len()];
+        let mut assembly = Self { analysis, constant, compliance };
+        assembly.renew(model)?;
         Ok(assembly)
+    }
+
+    /// Room for the factors of the matrix.
+    ///
+    /// # Errors
+    /// [`LinearError::Memory`].
+    pub fn system(&self) -> Result<Ldlt, LinearError> {
+        Ldlt::new(self.analysis.system.clone())
     }
 
     /// Number of pressure unknowns.
@@ -131,21 +100,7 @@ impl Assembly {
 
     /// Sparsity of the matrix.
     pub fn pattern(&self) -> &Pattern {
-        &self.pattern
-    }
-
-    fn add_compliance(
-        &mut self,
-        model: &Model,
-        graph: &Graph,
-        count: usize,
-    ) -> Result<(), AssemblyError> {
-        if count == 0 {
-            return Ok(());
-        }
-        let alone: Vec<[u32; 4]> = self.pressures.iter().map(|&p| [p, NONE, NONE, NONE]).collect();
-        self.compliance = Some(Ldlt::analyse(pattern_of(graph, &alone, count))?);
-        Ok(self.renew(model)?)
+        self.analysis.system.pattern()
     }
 
     /// Takes the compliance anew from `model`: the analysed one with other rest positions.
@@ -154,6 +109,7 @@ impl Assembly {
     /// A compliance that is singular.
     pub fn renew(&mut self, model: &Model) -> Result<(), LinearError> {
         let Some(factors) = &mut self.compliance else { return Ok(()) };
+        let Analysis { pressures, unknowns, system, .. } = &*self.analysis;
         let mut values = vec![0.0; factors.pattern().rows.len()];
         self.constant.fill(0.0);
         for term in model.terms().iter().filter(|term| term.is_mixed()) {
@@ -163,11 +119,11 @@ impl Assembly {
                 for a in 0..4 {
                     for b in 0..=a {
                         let (a_node, b_node) = (nodes[a] as usize, nodes[b] as usize);
-                        let (p, q) = (self.pressures[a_node], self.pressures[b_node]);
+                        let (p, q) = (pressures[a_node], pressures[b_node]);
                         let at = factors.pattern().position(p.max(q) as usize, p.min(q) as usize);
                         values[at.expect("neighbours are in the pattern")] += local[(a, b)];
-                        let (p, q) = (self.unknowns[a_node][3], self.unknowns[b_node][3]);
-                        let at = self.pattern.position(p.max(q) as usize, p.min(q) as usize);
+                        let (p, q) = (unknowns[a_node][3], unknowns[b_node][3]);
+                        let at = system.pattern().position(p.max(q) as usize, p.min(q) as usize);
                         self.constant[at.expect("neighbours are in the pattern")] -= local[(a, b)];
                     }
                 }
@@ -210,7 +166,7 @@ impl Assembly {
                 energy += own;
                 if theta != 0.0 {
                     for &n in term.nodes(element) {
-                        dilatation[self.pressures[n as usize] as usize] += theta;
+                        dilatation[self.analysis.pressures[n as usize] as usize] += theta;
                     }
                 }
             }
@@ -221,7 +177,7 @@ impl Assembly {
             let mut solved = Vec::new();
             compliance.solve(&dilatation, &mut solved)?;
             energy += 0.5 * dilatation.iter().zip(&solved).map(|(g, p)| g * p).sum::<f64>();
-            for (node, &unknown) in self.pressures.iter().enumerate() {
+            for (node, &unknown) in self.analysis.pressures.iter().enumerate() {
                 if unknown != NONE {
                     pressure[node] = solved[unknown as usize];
                 }
@@ -248,7 +204,7 @@ impl Assembly {
         values.extend_from_slice(&self.constant);
         let mut blocks = vec![Block::ZERO; CHUNK];
         for (index, &term) in state.terms(model).iter().enumerate() {
-            let mut slots = self.slots[index].iter();
+            let mut slots = self.analysis.slots[index].iter();
             let evaluate = |element: usize, block: &mut Block| {
                 block.clear(term.nodes(element).len());
                 let at = At { curvature, ..state.at(index) };
@@ -309,8 +265,8 @@ impl Assembly {
 
     /// Gathers minus the free part of a nodal gradient as a right-hand side.
     pub fn right_hand_side(&self, gradient: &[Vec3]) -> Vec<f64> {
-        let mut rhs = vec![0.0; self.pattern.len()];
-        for (node, unknowns) in self.unknowns.iter().enumerate() {
+        let mut rhs = vec![0.0; self.pattern().len()];
+        for (node, unknowns) in self.analysis.unknowns.iter().enumerate() {
             for axis in 0..3 {
                 if unknowns[axis] != NONE {
                     rhs[unknowns[axis] as usize] = -gradient[node][axis];
@@ -323,8 +279,10 @@ impl Assembly {
     /// Gathers nodal forces (mN) and dilatations (mm³) as a right-hand side; what belongs to no
     /// unknown is left out.
     pub fn gather(&self, forces: &[Vec3], dilatation: &[f64]) -> Vec<f64> {
-        let mut rhs = vec![0.0; self.pattern.len()];
-        for ((unknowns, force), swelling) in self.unknowns.iter().zip(forces).zip(dilatation) {
+        let mut rhs = vec![0.0; self.pattern().len()];
+        for ((unknowns, force), swelling) in
+            self.analysis.unknowns.iter().zip(forces).zip(dilatation)
+        {
             let values = [force.x, force.y, force.z, *swelling];
             for (&unknown, value) in unknowns.iter().zip(values) {
                 if unknown != NONE {
@@ -339,18 +297,22 @@ impl Assembly {
     /// no unknown.
     pub fn spread(&self, x: &[f64]) -> (Vec<Vec3>, Vec<f64>) {
         let value = |u: &[u32; 4]| if u[3] == NONE { 0.0 } else { x[u[3] as usize] };
-        (self.displacement(x), self.unknowns.iter().map(value).collect())
+        (self.displacement(x), self.analysis.unknowns.iter().map(value).collect())
     }
 
     /// Spreads a solution of the Newton system over the nodes; fixed ones stay at zero.
     pub fn displacement(&self, x: &[f64]) -> Vec<Vec3> {
         let value = |unknown: u32| if unknown == NONE { 0.0 } else { x[unknown as usize] };
-        self.unknowns.iter().map(|u| Vec3::new(value(u[0]), value(u[1]), value(u[2]))).collect()
+        self.analysis
+            .unknowns
+            .iter()
+            .map(|u| Vec3::new(value(u[0]), value(u[1]), value(u[2])))
+            .collect()
     }
 
     /// Whether a displacement is free.
     pub fn is_free(&self, node: usize, axis: usize) -> bool {
-        self.unknowns[node][axis] != NONE
+        self.analysis.unknowns[node][axis] != NONE
     }
 }
 

@@ -188,6 +188,16 @@ pub fn compare(here: Active, there: Active) -> Result<Distances, DistanceError> 
 }
 
 impl Distances {
+    /// Where nothing was compared.
+    pub const NONE: Self = Self {
+        min: f64::NAN,
+        max: f64::NAN,
+        mean: f64::NAN,
+        p95: f64::NAN,
+        hausdorff: f64::NAN,
+        modified_hausdorff: f64::NAN,
+    };
+
     /// Of the distances (mm) of one surface's nodes to the other surface, and the other way.
     ///
     /// # Errors

@@ -13,6 +13,7 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
+use std::sync::Arc;
 
 /// Results are the same bits for equal degrees of parallelism, hence it depends on the size of the
 /// system and not on the machine: a small one loses more by waiting than it gains.
@@ -101,22 +102,19 @@ impl Pattern {
     }
 }
 
-/// Factors of a symmetric matrix.
-pub struct Ldlt {
+/// Where the factors of matrices of one sparsity are non-zero.
+pub struct Symbolic {
     pattern: Pattern,
     symbolic: SymbolicCholesky<usize>,
-    values: Vec<f64>,
-    factors: Vec<f64>,
-    scratch: MemBuffer,
     parallel: Par,
 }
 
-impl Ldlt {
-    /// Finds where the factors of matrices of this sparsity are non-zero.
+impl Symbolic {
+    /// Of matrices of this sparsity.
     ///
     /// # Errors
     /// [`LinearError::Memory`].
-    pub fn analyse(pattern: Pattern) -> Result<Self, LinearError> {
+    pub fn of(pattern: Pattern) -> Result<Self, LinearError> {
         let upper = pattern.transposed();
         let n = pattern.len();
         let view = SymbolicSparseColMatRef::new_checked(n, n, &upper.starts, None, &upper.rows);
@@ -128,17 +126,49 @@ impl Ldlt {
         let symbolic =
             factorize_symbolic_cholesky(view, Side::Upper, SymmetricOrdering::Identity, params)
                 .map_err(|_| LinearError::Memory)?;
-        let need = symbolic
-            .factorize_numeric_ldlt_scratch::<f64>(parallel, faer::Spec::default())
-            .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-        let scratch = MemBuffer::try_new(need).map_err(|_| LinearError::Memory)?;
-        let factors = vec![0.0; symbolic.len_val()];
-        Ok(Self { pattern, symbolic, values: Vec::new(), factors, scratch, parallel })
+        Ok(Self { pattern, symbolic, parallel })
     }
 
     /// The sparsity.
     pub fn pattern(&self) -> &Pattern {
         &self.pattern
+    }
+}
+
+/// Factors of a symmetric matrix.
+pub struct Ldlt {
+    shared: Arc<Symbolic>,
+    values: Vec<f64>,
+    factors: Vec<f64>,
+    scratch: MemBuffer,
+}
+
+impl Ldlt {
+    /// Finds where the factors of matrices of this sparsity are non-zero.
+    ///
+    /// # Errors
+    /// [`LinearError::Memory`].
+    pub fn analyse(pattern: Pattern) -> Result<Self, LinearError> {
+        Self::new(Arc::new(Symbolic::of(pattern)?))
+    }
+
+    /// Room for the factors of matrices that were analysed.
+    ///
+    /// # Errors
+    /// [`LinearError::Memory`].
+    pub fn new(shared: Arc<Symbolic>) -> Result<Self, LinearError> {
+        let Symbolic { symbolic, parallel, .. } = &*shared;
+        let need = symbolic
+            .factorize_numeric_ldlt_scratch::<f64>(*parallel, faer::Spec::default())
+            .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+        let scratch = MemBuffer::try_new(need).map_err(|_| LinearError::Memory)?;
+        let factors = vec![0.0; symbolic.len_val()];
+        Ok(Self { shared, values: Vec::new(), factors, scratch })
+    }
+
+    /// The sparsity.
+    pub fn pattern(&self) -> &Pattern {
+        self.shared.pattern()
     }
 
     /// Factorises the matrix of these lower values.
@@ -165,15 +195,15 @@ impl Ldlt {
         if share != 0.0 {
             self.values.iter_mut().zip(more).for_each(|(value, more)| *value += share * more);
         }
-        let n = self.pattern.len();
-        let (starts, rows) = (&self.pattern.starts, &self.pattern.rows);
-        let view = SymbolicSparseColMatRef::new_checked(n, n, starts, None, rows);
-        let factored = self.symbolic.factorize_numeric_ldlt(
+        let Symbolic { pattern, symbolic, parallel } = &*self.shared;
+        let n = pattern.len();
+        let view = SymbolicSparseColMatRef::new_checked(n, n, &pattern.starts, None, &pattern.rows);
+        let factored = symbolic.factorize_numeric_ldlt(
             &mut self.factors,
             SparseColMatRef::new(view, &self.values),
             Side::Lower,
             LdltRegularization::default(),
-            self.parallel,
+            *parallel,
             MemStack::new(&mut self.scratch),
             faer::Spec::default(),
         );
@@ -182,7 +212,9 @@ impl Ldlt {
 
     /// Number of negative pivots of the last factors: the number of negative eigenvalues.
     pub fn negative_pivots(&self) -> usize {
-        let SymbolicCholeskyRaw::Supernodal(symbolic) = self.symbolic.raw() else { return 0 };
+        let SymbolicCholeskyRaw::Supernodal(symbolic) = self.shared.symbolic.raw() else {
+            return 0;
+        };
         let factors = SupernodalLdltRef::new(symbolic, &self.factors);
         let negative = |supernode: usize| {
             let block = factors.supernode(supernode).val();
@@ -203,7 +235,7 @@ impl Ldlt {
         let mut product = vec![0.0; rhs.len()];
         let mut best = f64::INFINITY;
         for _ in 0..=REFINEMENTS {
-            self.pattern.multiply(&self.values, x, &mut product);
+            self.shared.pattern.multiply(&self.values, x, &mut product);
             let mut left: Vec<f64> = rhs.iter().zip(&product).map(|(b, ax)| b - ax).collect();
             let residual = norm(&left) / scale;
             // Also ends when refinement no longer helps, or on a NaN.
@@ -220,7 +252,7 @@ impl Ldlt {
 
     fn substitute(&mut self, x: &mut [f64]) {
         let n = x.len();
-        LdltRef::new(&self.symbolic, &self.factors).solve_in_place_with_conj(
+        LdltRef::new(&self.shared.symbolic, &self.factors).solve_in_place_with_conj(
             Conj::No,
             MatMut::from_column_major_slice_mut(x, n, 1),
             Par::Seq,

@@ -1,5 +1,6 @@
 //! A model: nodes, and a list of terms that act on them.
 
+use crate::assemble::Analyses;
 use crate::terms::Term;
 use mammotwin_data::{Vec3, mesh::TetMesh};
 use std::collections::BTreeMap;
@@ -124,6 +125,7 @@ pub struct Model {
     terms: Vec<Box<dyn Term>>,
     fixed: Vec<[bool; 3]>,
     held: BTreeMap<u32, Vec3>,
+    analyses: Analyses,
 }
 
 impl Model {
@@ -134,7 +136,18 @@ impl Model {
             terms: Vec::new(),
             fixed: vec![[false; 3]; mesh.points.len()],
             held: BTreeMap::new(),
+            analyses: Analyses::default(),
         }
+    }
+
+    /// Lets models with the same elements and fixed nodes be analysed once. Results are the same bits.
+    pub fn share(&mut self, analyses: &Analyses) {
+        self.analyses = analyses.clone();
+    }
+
+    /// Where its analysis is kept.
+    pub(crate) fn analyses(&self) -> &Analyses {
+        &self.analyses
     }
 
     /// Adds a term.

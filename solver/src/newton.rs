@@ -147,7 +147,7 @@ impl Newton {
     /// A free node without tissue, or too little memory.
     pub fn new(model: &Model) -> Result<Self, AssemblyError> {
         let assembly = Assembly::new(model)?;
-        let system = Ldlt::analyse(assembly.pattern().clone())?;
+        let system = assembly.system()?;
         Ok(Self {
             assembly,
             moved: Moved::default(),
@@ -172,7 +172,7 @@ impl Newton {
             return Ok(());
         }
         let analysed = Assembly::moved(model, &state.moved).and_then(|assembly| {
-            let system = Ldlt::analyse(assembly.pattern().clone())?;
+            let system = assembly.system()?;
             Ok((assembly, system))
         });
         let cause = |error| match error {

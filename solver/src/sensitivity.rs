@@ -123,7 +123,7 @@ impl<'a> Linearised<'a> {
         }
         let solution = solve::finish(&newton, model, &state, counts)?;
         let assembly = newton.assembly;
-        let mut factors = Ldlt::analyse(assembly.pattern().clone())?;
+        let mut factors = assembly.system()?;
         let (mut gradient, mut values) = (Vec::new(), Vec::new());
         assembly.newton_system(model, &state, Curvature::Exact, &mut gradient, &mut values)?;
         factors.factor(&values)?;

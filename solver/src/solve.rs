@@ -172,8 +172,12 @@ pub fn solve(
     finish(&newton, model, &state, counts)
 }
 
+/// Parts of the way from rest to the start at which a search begins that is said to be near.
+const WAYS: [f64; 6] = [1.0, 0.85, 0.7, 0.5, 0.25, 0.0];
+
 /// The same where `start` is near to the equilibrium: the load is there from the beginning, and comes in parts only where
-/// the search fails.
+/// the search fails. A start in which an element cannot be, since other tissue was stretched to it, is taken back
+/// towards rest until it can.
 ///
 /// # Errors
 /// As [`solve`].
@@ -183,18 +187,36 @@ pub fn solve_near(
     options: &Options,
     progress: &dyn Progress,
 ) -> Result<Solution, SolveError> {
-    let (mut newton, mut state) = prepare(model, start, Load::GRAVITY)?;
-    let mut counts = Checks { steps: 1, ..Checks::default() };
-    match balance(&mut newton, model, &mut state, options, Curvature::Exact, &mut counts) {
-        Ok(()) => {
-            state.accept(model);
-            finish(&newton, model, &state, counts)
-        }
-        Err(error) => {
-            tracing::debug!(?error, "not near");
-            solve(model, start, options, progress)
+    let (mut newton, first) = prepare(model, start, Load::GRAVITY)?;
+    let mut points = first.points.clone();
+    for way in WAYS {
+        points = toward(model, &first.points, way);
+        let mut state = State::new(model, points.clone(), Load::GRAVITY);
+        let mut counts = Checks { steps: 1, ..Checks::default() };
+        match balance(&mut newton, model, &mut state, options, Curvature::Exact, &mut counts) {
+            Ok(()) => {
+                state.accept(model);
+                return finish(&newton, model, &state, counts);
+            }
+            Err(Failure::Newton(NewtonError::Start(cause))) => {
+                tracing::debug!(?cause, way, "no element can be there");
+            }
+            Err(error) => {
+                tracing::debug!(?error, way, "not near");
+                break;
+            }
         }
     }
+    solve(model, &points, options, progress)
+}
+
+/// Part of the way from rest to `start` (mm); what is fixed stays at the start.
+fn toward(model: &Model, start: &[Vec3], part: f64) -> Vec<Vec3> {
+    let place = |((rest, start), fixed): ((&Vec3, &Vec3), &[bool; 3])| {
+        let there = rest.lerp(start, part);
+        Vec3::from_fn(|axis, _| if fixed[axis] { start[axis] } else { there[axis] })
+    };
+    model.rest.iter().zip(start).zip(model.fixed()).map(place).collect()
 }
 
 /// Follows the equilibrium from load to load, beginning at the first one of `path` with the nodes

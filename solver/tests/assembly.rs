@@ -5,7 +5,7 @@ use crate::common;
 use common::coarse;
 use common::shapes::brick;
 use mammotwin_data::{Vec3, mesh::Patch, progress::Silent, study::LawName};
-use mammotwin_solver::assemble::{Assembly, State};
+use mammotwin_solver::assemble::{Analyses, Assembly, State};
 use mammotwin_solver::linear::Ldlt;
 use mammotwin_solver::materials::Law;
 use mammotwin_solver::paddles::{Outline, RoundedPlate};
@@ -108,24 +108,60 @@ fn gradient_and_matrix_are_derivatives_of_the_energy() {
     assert!(error < 1e-5, "{error:.1e}");
 }
 
-#[test]
-fn bits_do_not_depend_on_the_number_of_threads() {
+/// A coarse breast on a fixed wall, hanging.
+fn hanging() -> Model {
     let body = coarse();
     let law = Law::new(LawName::NeoHookean, 0.5, 0.49, None).unwrap();
-    let hang = || {
-        let mut model = Model::new(&body.mesh);
-        let laws = vec![law; body.mesh.tets.len()];
-        model.add(Bulk::new("breast", &body.mesh, laws).unwrap()).unwrap();
-        model.add(Gravity::new("gravity", &body.mesh, 0.98, Vec3::z())).unwrap();
-        for node in body.mesh.patch_nodes(Patch::ChestWall) {
-            model.fix_node(node);
-        }
-        solve(&model, &body.mesh.points, &Options::default(), &Silent).unwrap().points
-    };
+    let mut model = Model::new(&body.mesh);
+    let laws = vec![law; body.mesh.tets.len()];
+    model.add(Bulk::new("breast", &body.mesh, laws).unwrap()).unwrap();
+    model.add(Gravity::new("gravity", &body.mesh, 0.98, Vec3::z())).unwrap();
+    for node in body.mesh.patch_nodes(Patch::ChestWall) {
+        model.fix_node(node);
+    }
+    model
+}
+
+fn solved(model: &Model) -> Vec<Vec3> {
+    solve(model, &model.rest, &Options::default(), &Silent).unwrap().points
+}
+
+#[test]
+fn bits_do_not_depend_on_the_number_of_threads() {
     let [one, two] = [1, 2].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(hang)
+        pool.install(|| solved(&hanging()))
     });
     assert!(one == two);
-    assert!(one != body.mesh.points);
+    assert!(one != hanging().rest);
+}
+
+#[test]
+fn models_of_the_same_elements_share_an_analysis_and_keep_their_bits() {
+    let alone = solved(&hanging());
+    let shared = Analyses::default();
+    let with = |change: &dyn Fn(&mut Model)| {
+        let mut model = hanging();
+        model.share(&shared);
+        change(&mut model);
+        solved(&model)
+    };
+    // Other supports and other elements are another matrix.
+    let free = |model: &Model| {
+        (0..model.rest.len() as u32).rfind(|&n| model.fixed()[n as usize] == [false; 3]).unwrap()
+    };
+    let held = with(&|model| model.fix_node(free(model)));
+    let tied = with(&|model| {
+        let node = free(model);
+        let anchor = model.rest[node as usize] - 20.0 * Vec3::z();
+        let cable = Cable { node, anchor, natural_mm: 20.0, stiffness_mn_per_mm: 40.0 };
+        model.add(Cables::new("cables", vec![cable]).unwrap()).unwrap();
+    });
+    assert!(held != alone && tied != alone && held != tied);
+    assert!(with(&|_| ()) == alone);
+    assert_eq!(shared.count(), 3);
+    // Other rest positions are not.
+    let wide = with(&|model| model.rest.iter_mut().for_each(|p| p.x *= 1.01));
+    assert!(wide != alone && with(&|_| ()) == alone);
+    assert_eq!(shared.count(), 3);
 }

@@ -4,8 +4,9 @@ use crate::common;
 
 use common::{Body, coarse};
 use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, study::LawName};
+use mammotwin_solver::assemble::{Assembly, EnergyError, State};
 use mammotwin_solver::materials::Law;
-use mammotwin_solver::terms::{Bulk, Gravity, Membrane, Sliding, Slip, target::Cylinder};
+use mammotwin_solver::terms::{Bulk, Gravity, Load, Membrane, Sliding, Slip, target::Cylinder};
 use mammotwin_solver::unload::{self, Method, StressFree, UnloadError, stress_free};
 use mammotwin_solver::{Model, ModelError, Options, solve, solve_near};
 use std::sync::Arc;
@@ -226,4 +227,32 @@ fn an_equilibrium_is_the_same_from_near_and_from_far() {
         assert!(off_mm < 0.01, "{off_mm}");
         assert!(found.checks.residual < 1e-6);
     }
+}
+
+#[test]
+fn a_start_that_tissue_cannot_be_in_is_taken_back_towards_rest() {
+    let body = coarse();
+    let hanging = |law: Law| {
+        let mut model = Model::new(&body.mesh);
+        let laws = vec![law; body.mesh.tets.len()];
+        model.add(Bulk::new("breast", &body.mesh, laws).unwrap()).unwrap();
+        model.add(Gravity::new("gravity", &body.mesh, 0.98, Vec3::z())).unwrap();
+        for node in body.mesh.patch_nodes(Patch::ChestWall) {
+            model.fix_node(node);
+        }
+        model
+    };
+    let rest = &body.mesh.points;
+    let soft = hanging(Law::new(LawName::NeoHookean, 0.5, 0.49, None).unwrap());
+    let soft = solve(&soft, rest, &Options::default(), &Silent).unwrap();
+    let limited = hanging(Law::new(LawName::Gent, 0.5, 0.49, Some(0.2)).unwrap());
+    let there = State::new(&limited, soft.points.clone(), Load::GRAVITY);
+    let energy =
+        Assembly::new(&limited).unwrap().energy(&limited, &there, &soft.points, &mut Vec::new());
+    assert!(matches!(energy, Err(EnergyError::Refused(_))), "{energy:?}");
+    let expected = solve(&limited, rest, &Options::default(), &Silent).unwrap();
+    let found = solve_near(&limited, &soft.points, &Options::default(), &Silent).unwrap();
+    assert!(apart(&found.points, &expected.points) < 1e-4);
+    // The load came at once.
+    assert_eq!(found.checks.steps, 1);
 }

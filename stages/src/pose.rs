@@ -17,6 +17,7 @@ use mammotwin_solver::{
     distance::{Closest, DistanceError, Distances, SurfaceIndex},
     solve, solve_near,
 };
+use std::sync::Arc;
 
 /// Skin within this elliptic radius of a breast's base is compared; arms and cuts are not.
 const ACTIVE_RADIUS: f64 = 1.15;
@@ -29,14 +30,18 @@ pub struct PoseTarget {
     pub pose: String,
     /// Unit vector of gravity.
     pub gravity: Vec3,
-    /// Measured skin.
-    skin: TriMesh,
-    index: SurfaceIndex,
+    measured: Arc<MeasuredSkin>,
     /// The simulated skin's triangles, and the nodes that are compared.
     faces: Vec<[u32; 3]>,
     active: Vec<u32>,
     /// Side of each active node.
     sides: Vec<Side>,
+}
+
+/// What was measured, in the frame of the reference pose: the same for all meshes of a model.
+struct MeasuredSkin {
+    skin: TriMesh,
+    index: SurfaceIndex,
 }
 
 /// A simulated pose beside the measured one.
@@ -52,7 +57,7 @@ pub struct PoseFit {
     pub active: Vec<u32>,
     /// Signed distance (mm) of each active node to the measured skin, positive outside of it.
     pub signed_mm: Vec<f64>,
-    /// Distances between simulated and measured skin.
+    /// Distances between simulated and measured skin, or [`Distances::NONE`].
     pub distances: Distances,
 }
 
@@ -98,6 +103,15 @@ impl PoseTarget {
         }
         let index = SurfaceIndex::new(&skin)
             .map_err(|cause| Failure::BadInput(format!("{pose}: measured skin: {cause}")))?;
+        Ok(Self::of(pose, registered.gravity, Arc::new(MeasuredSkin { skin, index }), mesh))
+    }
+
+    /// The same measured surface for another mesh of the body.
+    pub fn on(&self, mesh: &BreastMesh) -> Self {
+        Self::of(&self.pose, self.gravity, self.measured.clone(), mesh)
+    }
+
+    fn of(pose: &str, gravity: Vec3, measured: Arc<MeasuredSkin>, mesh: &BreastMesh) -> Self {
         let cuts: Vec<Vec3> =
             [Patch::Superior, Patch::Inferior, Patch::LateralRight, Patch::LateralLeft]
                 .iter()
@@ -116,15 +130,7 @@ impl PoseTarget {
             }
         }
         let faces = mesh.mesh.patch(Patch::Skin).to_vec();
-        Ok(Self {
-            pose: pose.into(),
-            gravity: registered.gravity,
-            skin,
-            index,
-            faces,
-            active,
-            sides,
-        })
+        Self { pose: pose.into(), gravity, measured, faces, active, sides }
     }
 
     /// Side of each node that is compared.
@@ -143,7 +149,7 @@ impl PoseTarget {
     /// # Errors
     /// [`Failure::Numerics`] at a point that is not finite.
     pub fn signed_mm(&self, points: &[Vec3]) -> Result<Vec<f64>, Failure> {
-        let closest = self.index.closest_of(points);
+        let closest = self.measured.index.closest_of(points);
         let closest = closest.map_err(|c| Failure::Numerics(format!("{}: {c}", self.pose)))?;
         Ok(closest.iter().zip(points).map(|(c, p)| c.signed_mm(p)).collect())
     }
@@ -171,23 +177,42 @@ impl PoseTarget {
     }
 
     /// Compares a simulated body with what was measured.
+    ///
+    /// # Errors
+    /// [`Failure::Numerics`] at a node that is not finite.
     pub fn measure(&self, solution: Solution) -> Result<PoseFit, Failure> {
-        let wrong =
-            |cause: &dyn std::fmt::Display| Failure::Numerics(format!("{}: {cause}", self.pose));
+        let mut fit = self.facing(solution)?;
+        self.compare(&mut fit)?;
+        Ok(fit)
+    }
+
+    /// A simulated body with the signed distances of its nodes alone.
+    ///
+    /// # Errors
+    /// As [`PoseTarget::measure`].
+    pub fn facing(&self, solution: Solution) -> Result<PoseFit, Failure> {
         let at: Vec<Vec3> = self.active.iter().map(|&n| solution.points[n as usize]).collect();
-        let closest = self.index.closest_of(&at).map_err(|c| wrong(&c))?;
-        let signed_mm = closest.iter().zip(&at).map(|(c, p)| c.signed_mm(p)).collect();
-        let away = closest.iter().map(|c| c.distance_mm).collect();
-        let back = self.distances_back(&solution.points).map_err(|c| wrong(&c))?;
-        let distances = Distances::of(away, &back).map_err(|c| wrong(&c))?;
         Ok(PoseFit {
             pose: self.pose.clone(),
             gravity: self.gravity,
-            solution,
+            signed_mm: self.signed_mm(&at)?,
             active: self.active.clone(),
-            signed_mm,
-            distances,
+            solution,
+            distances: Distances::NONE,
         })
+    }
+
+    /// Finds the distances of both skins, which takes longer than all signed ones: a measured skin has ten times the nodes.
+    ///
+    /// # Errors
+    /// As [`PoseTarget::measure`].
+    pub fn compare(&self, fit: &mut PoseFit) -> Result<(), Failure> {
+        let away = fit.signed_mm.iter().map(|signed| signed.abs()).collect();
+        let back = self.distances_back(&fit.solution.points);
+        let distances = back.and_then(|back| Distances::of(away, &back));
+        fit.distances =
+            distances.map_err(|cause| Failure::Numerics(format!("{}: {cause}", self.pose)))?;
+        Ok(())
     }
 
     /// Distances (mm) to the simulated skin of those measured nodes whose nearest simulated point is
@@ -202,7 +227,7 @@ impl PoseTarget {
         let core = SurfaceIndex::new(&TriMesh { points: points.to_vec(), triangles: core })?;
         let whole =
             SurfaceIndex::new(&TriMesh { points: points.to_vec(), triangles: self.faces.clone() })?;
-        let nearest = whole.closest_of(&self.skin.points)?;
+        let nearest = whole.closest_of(&self.measured.skin.points)?;
         let compared = |(found, p): (&Closest, &Vec3)| {
             let face = &self.faces[found.triangle];
             // On the rim of the compared skin the nearest point is on a face of either kind.
@@ -211,7 +236,7 @@ impl PoseTarget {
                     && core.closest(p).is_some_and(|c| c.distance_mm <= found.distance_mm + 1e-9);
             takes_part.then_some(found.distance_mm)
         };
-        Ok(nearest.iter().zip(&self.skin.points).filter_map(compared).collect())
+        Ok(nearest.iter().zip(&self.measured.skin.points).filter_map(compared).collect())
     }
 
     /// Mean signed distance (mm) of the skin of one breast, weighted by how far it faces along

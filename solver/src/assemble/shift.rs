@@ -13,11 +13,11 @@ impl Assembly {
     /// Displacements that no tissue stiffens get the mean diagonal.
     pub fn shift(&self, model: &Model, state: &State, values: &mut Vec<f64>) {
         values.clear();
-        values.resize(self.pattern.rows.len(), 0.0);
+        values.resize(self.pattern().rows.len(), 0.0);
         for (index, &term) in state.terms(model).iter().enumerate() {
             let at = state.at(index);
             let mut block = Block::ZERO;
-            let mut slots = &self.slots[index][..];
+            let mut slots = &self.analysis.slots[index][..];
             for element in 0..term.elements() {
                 let nodes = term.nodes(element).len();
                 let (own, rest) = slots.split_at(entries(nodes, term.is_mixed()));
@@ -28,8 +28,9 @@ impl Assembly {
                 }
             }
         }
-        let displacements = || self.unknowns.iter().flat_map(|u| &u[..3]).filter(|&&u| u != NONE);
-        let diagonals = || displacements().map(|&u| self.pattern.starts[u as usize]);
+        let displacements =
+            || self.analysis.unknowns.iter().flat_map(|u| &u[..3]).filter(|&&u| u != NONE);
+        let diagonals = || displacements().map(|&u| self.pattern().starts[u as usize]);
         let (sum, count) = diagonals()
             .map(|at| values[at])
             .filter(|&value| value > 0.0)

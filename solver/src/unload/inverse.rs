@@ -131,8 +131,7 @@ struct Linear {
 impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B> {
     fn new(first: &Model, known: &'a [Vec3], build: &'a B) -> Result<Self, String> {
         let assembly = Assembly::new(first).map_err(|cause| cause.to_string())?;
-        let system =
-            Ldlt::analyse(assembly.pattern().clone()).map_err(|cause| cause.to_string())?;
+        let system = assembly.system().map_err(|cause| cause.to_string())?;
         Ok(Self {
             known,
             known_normals: normals(first, known),

@@ -81,6 +81,18 @@ impl<'a> Experiment<'a> {
         Ok(Self { body: Body::new(mesh, model), targets, unload })
     }
 
+    /// The same poses and tissues on another mesh of the body.
+    pub fn on<'b>(&self, mesh: &'b BreastMesh) -> Experiment<'b>
+    where
+        'a: 'b,
+    {
+        Experiment {
+            body: Body::new(mesh, self.body.plan),
+            targets: self.targets.iter().map(|target| target.on(mesh)).collect(),
+            unload: self.unload,
+        }
+    }
+
     /// Unloads the reference pose with `moduli` and loads the stress-free shape into each pose.
     /// An earlier evaluation that is near makes it faster.
     ///
@@ -93,14 +105,27 @@ impl<'a> Experiment<'a> {
         progress: &dyn Progress,
         doing: &str,
     ) -> Result<Fit, Failure> {
-        self.evaluate_as(&self.body, moduli, near, progress, doing)
+        let mut fit = self.loaded(&self.body, moduli, near, progress, doing)?;
+        for (target, pose) in self.targets.iter().zip(&mut fit.poses) {
+            target.compare(pose)?;
+        }
+        Ok(fit)
     }
 
-    /// The same with another body on the same mesh.
+    /// The same of a body with other tissues or nodes, without the distances of the measured skins to its own.
     ///
     /// # Errors
     /// As [`Experiment::evaluate`].
     pub fn evaluate_as(
+        &self,
+        body: &Body,
+        moduli: Moduli,
+        near: Option<&Fit>,
+    ) -> Result<Fit, Failure> {
+        self.loaded(body, moduli, near, &Silent, "")
+    }
+
+    fn loaded(
         &self,
         body: &Body,
         moduli: Moduli,
@@ -140,7 +165,7 @@ impl<'a> Experiment<'a> {
                 from(start, same.is_some())
                     .or_else(|cause| from(&found.rest, false).map_err(|_| cause))?
             };
-            poses.push(target.measure(solution)?);
+            poses.push(target.facing(solution)?);
         }
         let miss = match body.muscle {
             None => found.miss,

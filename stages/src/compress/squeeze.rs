@@ -11,7 +11,8 @@ use mammotwin_data::{
     units::NEWTON,
 };
 use mammotwin_solver::{
-    Options, SolveError, compress as press, mesh::crop::crop, model::Model, solve,
+    Options, SolveError, assemble::Analyses, compress as press, mesh::crop::crop, model::Model,
+    solve,
 };
 
 /// Skin within this elliptic radius of the base may touch the plates.
@@ -46,7 +47,8 @@ impl Compress {
         let stiffer = 1.0 + self.plan.rate_stiffening;
         let plan = &stiffened(&moduli.applied(body.plan), stiffer);
         let (quadratic, muscle) = (None, muscle.as_ref());
-        let body = Body { mesh, anatomy, plan, quadratic, muscle, wall: body.wall.clone() };
+        let (wall, analyses) = (body.wall.clone(), Analyses::default());
+        let body = Body { mesh, anatomy, plan, quadratic, muscle, wall, analyses };
         let moduli = Moduli::of(plan);
         let rest = part.take(start.rest);
         let law = LawOverride {

@@ -238,7 +238,7 @@ pub(super) fn nothing_decides(held_out: &str) -> Failure {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 16;
+    const VERSION: u32 = 17;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, less the mean difference to three finer meshes. What the moduli \
          and the amplitude of each effect of a library change about them is the mean over the model's mesh and two others.";
@@ -255,7 +255,7 @@ impl Stage for Gather {
         let experiment = Experiment::new(mesh, &self.model, &self.calibrate, &measured)?;
         progress.report(0.0, "calibrated model");
         let moduli = calibration.after.moduli;
-        let base = experiment.evaluate(moduli, Some(&calibration.after), &Silent, "")?;
+        let base = experiment.evaluate_as(&experiment.body, moduli, Some(&calibration.after))?;
         let active = match base.poses.first() {
             Some(pose) if !pose.active.is_empty() => &pose.active,
             _ => return Err(Failure::BadInput("discover: no skin is compared".into())),
@@ -284,10 +284,7 @@ impl Stage for Gather {
                 meshing.lying(labels, placement, &Silent).ok()
             })
             .collect();
-        let standing = |body| {
-            let experiment = Experiment::new(body, &self.model, &self.calibrate, &measured)?;
-            Standing::new(body, experiment, moduli, &reference)
-        };
+        let standing = |body| Standing::new(body, experiment.on(body), (mesh, &base), &reference);
         let others: Vec<Option<Standing>> =
             bodies.par_iter().map(standing).collect::<Result<_, Failure>>()?;
         let others: Vec<Standing> = others.into_iter().flatten().collect();

@@ -50,7 +50,7 @@ use mammotwin_data::{
     Failure,
     io::hdf5,
     mesh::Patch,
-    progress::{Progress, Silent},
+    progress::Progress,
     store::{Artifact, Stage},
     surface::TriMesh,
 };
@@ -184,7 +184,7 @@ impl Stage for Discover {
         let measured = self.gather.measured(gathered);
         let experiment = Experiment::new(mesh, model, calibrate, &measured)?;
         let moduli = evidence.moduli;
-        let start = experiment.evaluate(moduli, Some(&calibration.after), &Silent, "")?;
+        let start = experiment.evaluate_as(&experiment.body, moduli, Some(&calibration.after))?;
         let refit = Refit {
             experiment: &experiment,
             evidence,

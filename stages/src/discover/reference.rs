@@ -11,7 +11,7 @@ use crate::{
     model::Body,
     shape::Shape,
 };
-use mammotwin_data::{Failure, Vec3, mesh::Patch, progress::Silent};
+use mammotwin_data::{Failure, Vec3, mesh::Patch};
 use mammotwin_solver::{
     distance::SurfaceIndex,
     terms::{GridDistance, Target},
@@ -101,7 +101,7 @@ pub(super) fn growth(
             quadratic: other.quadratic.as_ref(),
             ..experiment.body.clone()
         };
-        let Ok(fit) = experiment.evaluate_as(&body, base.moduli, Some(base), &Silent, "") else {
+        let Ok(fit) = experiment.evaluate_as(&body, base.moduli, Some(base)) else {
             return Ok(None);
         };
         let error = DVector::from_iterator(nodes, reference.points.iter().map(|p| field.at(p)));

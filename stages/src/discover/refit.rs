@@ -14,7 +14,7 @@ use crate::{
     model::{Body, Moduli},
     span::least_squares,
 };
-use mammotwin_data::{Failure, progress::Silent, study::ModelPlan};
+use mammotwin_data::{Failure, study::ModelPlan};
 use nalgebra::{DMatrix, DVector};
 
 /// Farthest from the start (of the logarithm of a modulus) that the first solution is tried.
@@ -199,7 +199,7 @@ impl Model for Solutions<'_> {
             None => (*plan).clone(),
         };
         let body = Body { plan: &plan, ..experiment.body.clone() };
-        let fit = experiment.evaluate_as(&body, moduli, Some(near), &Silent, "")?;
+        let fit = experiment.evaluate_as(&body, moduli, Some(near))?;
         Ok((self.refit.whitened(&self.all(at, &fit)), fit))
     }
 }

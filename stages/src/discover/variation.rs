@@ -18,9 +18,12 @@ use crate::{
     effects::{Amplitude, Effect},
     mesh::BreastMesh,
     model::{Body, Moduli},
+    place::Finder,
+    pose::PoseFit,
     shape::Shape,
 };
-use mammotwin_data::{Failure, progress::Silent, study::ModelPlan};
+use mammotwin_data::{Failure, Vec3, solution::Solution, study::ModelPlan};
+use mammotwin_solver::mesh::locate::Location;
 use nalgebra::DVector;
 use rayon::prelude::*;
 
@@ -49,23 +52,54 @@ pub(super) struct Standing<'a> {
 }
 
 impl<'a> Standing<'a> {
-    /// The model on another mesh, or `None` where it fails on it: such a mesh tells nothing.
+    /// The model of `near`, on the mesh `of`, on another mesh, or `None` where it fails on it: such a mesh tells nothing.
     pub fn new(
         mesh: &'a BreastMesh,
         experiment: Experiment<'a>,
-        moduli: Moduli,
+        (of, near): (&BreastMesh, &Fit),
         reference: &Shape,
     ) -> Result<Option<Self>, Failure> {
-        let Ok(base) = experiment.evaluate(moduli, None, &Silent, "") else { return Ok(None) };
+        let guess = carried_over(of, near, mesh);
+        let Ok(base) = experiment.evaluate_as(&experiment.body, near.moduli, guess.as_ref()) else {
+            return Ok(None);
+        };
         let residual = carried(reference, mesh, &base)?;
         Ok(Some(Self { mesh, experiment, base, residual }))
     }
 
     fn change(&self, plan: &ModelPlan, moduli: Moduli, reference: &Shape) -> Option<DVector<f64>> {
         let body = Body { plan, ..self.experiment.body.clone() };
-        let fit = self.experiment.evaluate_as(&body, moduli, Some(&self.base), &Silent, "").ok()?;
+        let fit = self.experiment.evaluate_as(&body, moduli, Some(&self.base)).ok()?;
         Some(carried(reference, self.mesh, &fit).ok()? - &self.residual)
     }
+}
+
+/// Where the nodes of another mesh are when they move as those of a fit do: from there its equilibria are two or three steps
+/// of Newton's method away. `None` for a mesh that has no surface.
+fn carried_over(mesh: &BreastMesh, fit: &Fit, to: &BreastMesh) -> Option<Fit> {
+    let (here, there) = (&mesh.mesh, &to.mesh);
+    let finder = Finder::new(here, &here.points);
+    let find = |p: &Vec3| finder.find(p).map(|(location, _)| location);
+    let places: Vec<Location> = there.points.par_iter().map(find).collect::<Option<_>>()?;
+    let carried = |nodes: &[Vec3]| -> Vec<Vec3> {
+        let moved = |(p, place): (&Vec3, &Location)| {
+            let [from, to] =
+                [&here.points, nodes].map(|nodes| place.interpolate(&here.tets, nodes));
+            p + to - from
+        };
+        there.points.iter().zip(&places).map(moved).collect()
+    };
+    let pose = |pose: &PoseFit| PoseFit {
+        solution: Solution { points: carried(&pose.solution.points), ..Solution::default() },
+        active: Vec::new(),
+        signed_mm: Vec::new(),
+        ..pose.clone()
+    };
+    Some(Fit {
+        rest: carried(&fit.rest),
+        poses: fit.poses.iter().map(pose).collect(),
+        ..fit.clone()
+    })
 }
 
 /// One change (mm) on several meshes; `None` where the model does not stand.
@@ -123,7 +157,7 @@ impl Variation<'_> {
     fn own(&self, plan: &ModelPlan, logs: [f64; 2]) -> Result<DVector<f64>, Failure> {
         let body = Body { plan, ..self.experiment.body.clone() };
         let moduli = self.moduli(logs);
-        let fit = self.experiment.evaluate_as(&body, moduli, Some(self.base), &Silent, "")?;
+        let fit = self.experiment.evaluate_as(&body, moduli, Some(self.base))?;
         Ok(residual(&fit, self.weighed) - self.here)
     }
 

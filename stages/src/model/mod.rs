@@ -27,6 +27,7 @@ use mammotwin_data::{
     study::{InterfaceKind, InterfacePlan, LawConstants, LawName, ModelPlan},
 };
 use mammotwin_solver::{
+    assemble::Analyses,
     materials::LawError,
     model::{Model, ModelError},
     terms::{Bulk, Cables, Fibres, Gravity, GridDistance, Membrane, Target},
@@ -63,6 +64,8 @@ pub struct Body<'a> {
     pub quadratic: Option<&'a Quadratic>,
     /// Muscle behind the breast, on the last nodes of `mesh`; without it the chest wall is rigid.
     pub muscle: Option<&'a Muscle>,
+    /// What its models have in common: their elements.
+    pub analyses: Analyses,
 }
 
 impl<'a> Body<'a> {
@@ -76,6 +79,7 @@ impl<'a> Body<'a> {
             plan,
             quadratic: mesh.quadratic.as_ref(),
             muscle: mesh.muscle.as_ref(),
+            analyses: Analyses::default(),
         }
     }
 
@@ -109,6 +113,7 @@ impl<'a> Body<'a> {
         let elements = self.quadratic.map_or(self.mesh, |quadratic| &quadratic.parents);
         let recipe = Recipe::new(elements, self.anatomy, plan, rest, gravity, law)?;
         let mut model = Model::new(&TetMesh { points: rest.to_vec(), ..TetMesh::default() });
+        model.share(&self.analyses);
         match self.quadratic {
             None => self.linear(&mut model, rest, &recipe),
             Some(quadratic) => quadratic.tissues(&mut model, rest, &recipe),

@@ -14,6 +14,7 @@ use mammotwin_data::{
 };
 use mammotwin_solver::{
     Options,
+    assemble::Analyses,
     mesh::{
         domain::{Domain, PatchDistances},
         lattice::Placement,
@@ -87,6 +88,7 @@ pub struct TruthBody {
     wall: Arc<GridDistance>,
     plan: ModelPlan,
     moduli: Moduli,
+    analyses: Analyses,
 }
 
 /// Spacing (mm) of the samples of the chest wall's distance.
@@ -147,6 +149,7 @@ impl TruthBody {
             plan: &untied,
             quadratic: quadratic.as_ref(),
             muscle: None,
+            analyses: Analyses::default(),
         };
         let model = lying.model(&mesh.points, moduli, PoseName::Supine.gravity(), None)?;
         let supine = solve(&model, &mesh.points, &Options::default(), progress)
@@ -155,7 +158,8 @@ impl TruthBody {
         let supine_mesh = TetMesh { points: supine.points.clone(), ..mesh.clone() };
         let anatomy = anatomy(&supine_mesh)?;
         let quadratic = quadratic.map(|quadratic| quadratic.with_points(&supine.points));
-        Ok(Self { mesh, supine, supine_mesh, quadratic, anatomy, wall, plan, moduli })
+        let analyses = Analyses::default();
+        Ok(Self { mesh, supine, supine_mesh, quadratic, anatomy, wall, plan, moduli, analyses })
     }
 
     /// The moduli of the truth.
@@ -167,7 +171,8 @@ impl TruthBody {
     pub fn body<'a>(&'a self, plan: &'a ModelPlan) -> Body<'a> {
         let (mesh, anatomy) = (&self.supine_mesh, &self.anatomy);
         let (quadratic, muscle) = (self.quadratic.as_ref(), None);
-        Body { mesh, wall: self.wall.clone(), anatomy, plan, quadratic, muscle }
+        let analyses = self.analyses.clone();
+        Body { mesh, wall: self.wall.clone(), anatomy, plan, quadratic, muscle, analyses }
     }
 
     /// The equilibrium in a pose, in the common frame.
