@@ -1,6 +1,7 @@
 //! A pose as a target: what was measured there, and how far a simulated body is from it.
 
 use crate::{
+    calibrate::correspondence::Correspondence,
     mesh::BreastMesh,
     model::{Body, Moduli},
     register::Registered,
@@ -17,12 +18,14 @@ use mammotwin_solver::{
     distance::{Closest, DistanceError, Distances, SurfaceIndex},
     solve, solve_near,
 };
-use std::sync::Arc;
+use std::{collections::BTreeSet, sync::Arc};
 
 /// Skin within this elliptic radius of a breast's base is compared; arms and cuts are not.
 const ACTIVE_RADIUS: f64 = 1.15;
 /// Skin this near (mm) to a cut is not compared: the model's limit is not the person's.
 const CUT_MARGIN_MM: f64 = 15.0;
+/// Measured skin this far (mm) beyond the compared nodes may correspond to them.
+const RIM_MM: f64 = 20.0;
 
 /// What was measured in one pose, in the frame of the reference pose.
 pub struct PoseTarget {
@@ -152,6 +155,34 @@ impl PoseTarget {
         let closest = self.measured.index.closest_of(points);
         let closest = closest.map_err(|c| Failure::Numerics(format!("{}: {c}", self.pose)))?;
         Ok(closest.iter().zip(points).map(|(c, p)| c.signed_mm(p)).collect())
+    }
+
+    /// Where the compared nodes of a simulated body (mm) belong on the measured skin: it is carried there as smoothly as it can.
+    ///
+    /// # Errors
+    /// [`Failure::Numerics`] at a node that is not finite, or where no skin is compared.
+    pub fn corresponding(&self, points: &[Vec3]) -> Result<Vec<(u32, Vec3)>, Failure> {
+        let wrong = |cause| Failure::Numerics(format!("{}: {cause}", self.pose));
+        let active: BTreeSet<u32> = self.active.iter().copied().collect();
+        let whole = |face: &&[u32; 3]| face.iter().all(|n| active.contains(n));
+        let triangles = self.faces.iter().filter(whole).copied().collect();
+        let skin = TriMesh { points: points.to_vec(), triangles };
+        let at: Vec<Vec3> = self.active.iter().map(|&n| points[n as usize]).collect();
+        let far = self.signed_mm(&at)?.into_iter().fold(0.0, |far: f64, mm| far.max(mm.abs()));
+        let edge = 2.0 * far + RIM_MM;
+        let none = Vec3::repeat(f64::INFINITY);
+        let low = at.iter().fold(none, |a, b| a.inf(b)).add_scalar(-edge);
+        let high = at.iter().fold(-none, |a, b| a.sup(b)).add_scalar(edge);
+        let measured = &self.measured.skin;
+        let near = |n: &u32| {
+            let p = &measured.points[*n as usize];
+            (0..3).all(|axis| low[axis] <= p[axis] && p[axis] <= high[axis])
+        };
+        let near = |face: &&[u32; 3]| face.iter().any(near);
+        let triangles = measured.triangles.iter().filter(near).copied().collect();
+        let measured = TriMesh { points: measured.points.clone(), triangles };
+        let found = Correspondence::new(&skin, &measured, &[]).map_err(wrong)?;
+        Ok(self.active.iter().zip(&at).map(|(&n, p)| (n, found.carry(p).0)).collect())
     }
 
     /// The nodes that are compared, in a simulated pose.

@@ -377,6 +377,17 @@ pub enum StressFree {
     FixedPoint,
     /// The same as published: whole steps, neither damped nor accelerated.
     PlainFixedPoint,
+    /// Prediction and correction towards another pose, as published (Mîra 2018, § 3.3).
+    PredictionCorrection,
+    /// The same with steps that are halved where they lead nowhere, until they gain nothing.
+    DampedPredictionCorrection,
+}
+
+impl StressFree {
+    /// Whether it is corrected towards another pose than the reference.
+    pub fn takes_another_pose(self) -> bool {
+        matches!(self, Self::PredictionCorrection | Self::DampedPredictionCorrection)
+    }
 }
 
 /// What is fitted, and how.

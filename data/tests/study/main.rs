@@ -6,7 +6,9 @@ mod compress;
 
 use mammotwin_data::{
     labels::Tissue,
-    study::{InterfaceKind, InterfaceRegion, PaddleName, ReceptorName, Study, designs, parse},
+    study::{
+        InterfaceKind, InterfaceRegion, PaddleName, ReceptorName, StressFree, Study, designs, parse,
+    },
 };
 use proptest::{
     prelude::Rng,
@@ -268,6 +270,13 @@ fn the_search_for_moduli_may_be_repeated_and_the_fixed_point_be_plain() {
         &["calibrate.second_start", "nothing is fitted"],
     );
     refused("\"fixed_point\"", "\"fixed\"", &["calibrate.stress_free", "plain_fixed_point"]);
+    for (name, method) in [
+        ("prediction_correction", StressFree::PredictionCorrection),
+        ("damped_prediction_correction", StressFree::DampedPredictionCorrection),
+    ] {
+        let study = parse(&GOOD.replacen("\"fixed_point\"", &format!("\"{name}\""), 1)).unwrap();
+        assert_eq!(study.calibrate.stress_free, method);
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 pub mod blur;
 pub mod breast;
 pub mod distance_field;
+pub mod lattice;
 mod nearest_seed;
 pub mod register;
 pub mod segment;

@@ -1,7 +1,7 @@
 //! The model and the poses that it must reach: one evaluation is a stress-free shape and an
 //! equilibrium in each pose.
 
-use super::{Fit, RoundTrip};
+use super::{Fit, RoundTrip, correction::corrected};
 use crate::{
     mesh::BreastMesh,
     model::{Body, Moduli},
@@ -24,6 +24,8 @@ pub struct Experiment<'a> {
     /// The reference pose, then the others.
     pub targets: Vec<PoseTarget>,
     /// How the stress-free shape is found.
+    pub stress_free: StressFree,
+    /// How near.
     pub unload: unload::Options,
 }
 
@@ -76,9 +78,14 @@ impl<'a> Experiment<'a> {
             StressFree::Inverse => unload::Method::Inverse,
             StressFree::FixedPoint => unload::Method::FixedPoint,
             StressFree::PlainFixedPoint => unload::Method::Plain,
+            // Another way, without a use for this one.
+            StressFree::PredictionCorrection | StressFree::DampedPredictionCorrection => {
+                unload::Method::default()
+            }
         };
         let unload = unload::Options { method, ..unload::Options::default() };
-        Ok(Self { body: Body::new(mesh, model), targets, unload })
+        let stress_free = plan.stress_free;
+        Ok(Self { body: Body::new(mesh, model), targets, stress_free, unload })
     }
 
     /// The same poses and tissues on another mesh of the body.
@@ -89,6 +96,7 @@ impl<'a> Experiment<'a> {
         Experiment {
             body: Body::new(mesh, self.body.plan),
             targets: self.targets.iter().map(|target| target.on(mesh)).collect(),
+            stress_free: self.stress_free,
             unload: self.unload,
         }
     }
@@ -134,21 +142,10 @@ impl<'a> Experiment<'a> {
         doing: &str,
     ) -> Result<Fit, Failure> {
         let loaded = &body.mesh.points;
-        let gravity = self.targets[0].gravity;
-        let model = |rest: &[Vec3]| body.model(rest, moduli, gravity, None);
-        let options = &self.unload;
-        let guess = match (near, options.method) {
-            (Some(fit), _) => fit.rest.clone(),
-            (None, unload::Method::Inverse) => loaded.clone(),
-            // Gravity turned round is the thesis' first guess.
-            (None, unload::Method::FixedPoint | unload::Method::Plain) => {
-                let lifted = body.model(loaded, moduli, -gravity, None)?;
-                let solution = solve(&lifted, loaded, &options.solve, &Silent);
-                solution.map_or_else(|_| loaded.clone(), |solution| solution.points)
-            }
+        let found = match corrected(self, self.stress_free, body, moduli) {
+            Some(found) => found?,
+            None => self.unloaded(body, moduli, near)?,
         };
-        let found = unload::stress_free(loaded, &guess, model, options, &Silent)
-            .map_err(|cause| Failure::Numerics(format!("stress-free shape: {cause}")))?;
         let mut poses = Vec::new();
         for (n, target) in self.targets.iter().enumerate() {
             progress.report(0.6 + 0.4 * n as f64 / self.targets.len() as f64, doing);
@@ -183,5 +180,30 @@ impl<'a> Experiment<'a> {
         let mut rest = found.rest;
         body.join(&mut rest);
         Ok(Fit { moduli, round_trip, rest, poses })
+    }
+
+    /// The stress-free shape from the reference pose alone.
+    fn unloaded(
+        &self,
+        body: &Body,
+        moduli: Moduli,
+        near: Option<&Fit>,
+    ) -> Result<unload::StressFree, Failure> {
+        let loaded = &body.mesh.points;
+        let gravity = self.targets[0].gravity;
+        let model = |rest: &[Vec3]| body.model(rest, moduli, gravity, None);
+        let options = &self.unload;
+        let guess = match (near, options.method) {
+            (Some(fit), _) => fit.rest.clone(),
+            (None, unload::Method::Inverse) => loaded.clone(),
+            // Gravity turned round is the thesis' first guess.
+            (None, unload::Method::FixedPoint | unload::Method::Plain) => {
+                let lifted = body.model(loaded, moduli, -gravity, None)?;
+                let solution = solve(&lifted, loaded, &options.solve, &Silent);
+                solution.map_or_else(|_| loaded.clone(), |solution| solution.points)
+            }
+        };
+        unload::stress_free(loaded, &guess, model, options, &Silent)
+            .map_err(|cause| Failure::Numerics(format!("stress-free shape: {cause}")))
     }
 }

@@ -1,5 +1,7 @@
 //! Stress-free shape and numbers of the tissues from the reference pose and the poses to be fitted.
 
+mod correction;
+pub mod correspondence;
 mod experiment;
 mod parameter;
 mod precision;
@@ -223,8 +225,8 @@ impl Stage for Calibrate {
     const VERSION: u32 = 9;
     const METHODS: &'static str = "The stress-free shape is the shape that gravity deforms into the reference pose; it \
          was found as the inverse motion (Govindjee & Mihalic, Comput. Methods Appl. Mech. Eng. 136 \
-         (1996) 47), or by an accelerated fixed point (Sellier, Comput. Mech. 48 (2011) 503) where the \
-         study asks for it. The numbers of the tissues that the study fits (Young's moduli of the breasts and others) were \
+         (1996) 47), or by an accelerated fixed point (Sellier, Comput. Mech. 48 (2011) 503) or by prediction and \
+         correction towards another pose (Mîra, thesis, Université Grenoble Alpes 2018) where the study asks for it. The numbers of the tissues that the study fits (Young's moduli of the breasts and others) were \
          found by a Gauss-Newton search on the signed distances of the skin to the fitted poses, whose rigid motions were \
          left open.";
     type Input = Input;

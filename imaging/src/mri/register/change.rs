@@ -52,7 +52,8 @@ pub(super) fn rows(arm: &Vec3) -> Matrix3x6<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::{super::lattice::Lattice, *};
+    use super::*;
+    use crate::mri::lattice::Lattice;
     use nalgebra::Vector6;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
@@ -78,7 +79,7 @@ mod tests {
         let (mut found, mut left) = (Matrix6::zeros(), 0.0);
         let draws = 500;
         for _ in 0..draws {
-            let controls: Vec<Vec3> = (0..lattice.len())
+            let controls: Vec<Vec3> = (0..lattice.count())
                 .map(|_| Vec3::from_fn(|_, _| StandardNormal.sample(&mut random)))
                 .collect();
             let moved: Vec<Vec3> = supports

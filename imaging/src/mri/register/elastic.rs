@@ -14,10 +14,10 @@ use super::{
     Changes, RegisterError, change,
     factor::Factor,
     landmarks,
-    lattice::{Lattice, Support},
     samples::{Block, Sample, covered},
     similarity::{Part, Placement},
 };
+use crate::mri::lattice::{Lattice, Support};
 use mammotwin_data::{Mat3, Vec3, rigid::RigidTransform, volume::Volume};
 use nalgebra::{DMatrix, DVector, Dyn, Matrix3, Matrix6, OMatrix, SMatrix, SVector, U6};
 use rayon::prelude::*;
@@ -62,7 +62,7 @@ impl Elastic {
         changes: &Changes,
     ) -> Self {
         let lattice = Lattice::covering(&low, &high, changes.spacing_mm);
-        let numbers = DVector::zeros(RIGID + 3 * lattice.len());
+        let numbers = DVector::zeros(RIGID + 3 * lattice.count());
         Self { motion: *motion, center, lattice, numbers, deviation_mm: changes.deviation_mm }
     }
 
@@ -240,7 +240,7 @@ struct State {
 impl<'a> Sites<'a> {
     fn of(blocks: Vec<Block>, map: &Elastic, moving: &'a Volume<f32>) -> Self {
         let all: Vec<Site> = blocks.into_par_iter().map(|block| Site::of(block, map)).collect();
-        let mut moved = vec![Vec::new(); map.lattice.len()];
+        let mut moved = vec![Vec::new(); map.lattice.count()];
         for (n, site) in all.iter().enumerate() {
             site.support.iter().enumerate().for_each(|(s, near)| moved[near.index].push((n, s)));
         }

@@ -17,7 +17,6 @@ mod elastic;
 mod factor;
 mod image;
 pub mod landmarks;
-mod lattice;
 mod mask;
 mod optimise;
 mod pyramid;

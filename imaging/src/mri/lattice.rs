@@ -5,7 +5,7 @@ use mammotwin_data::Vec3;
 /// Control points of a tensor product of uniform cubic B-splines (Rueckert et al. 1999,
 /// <https://doi.org/10.1109/42.796284>), along the axes of the reference.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Lattice {
+pub struct Lattice {
     origin: Vec3,
     spacing_mm: f64,
     shape: [usize; 3],
@@ -13,7 +13,7 @@ pub(super) struct Lattice {
 
 /// A control point near a place.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Support {
+pub struct Support {
     /// Which one.
     pub index: usize,
     /// Its weight at the place.
@@ -37,7 +37,7 @@ impl Lattice {
     }
 
     /// Number of control points.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.shape.iter().product()
     }
 
@@ -107,7 +107,7 @@ mod tests {
             assert!((value - plane(&p)).abs() < 1e-12);
             assert!((slope - Vec3::new(0.3, -0.2, 0.1)).norm() < 1e-12);
             assert!((support.iter().map(|s| s.weight).sum::<f64>() - 1.0).abs() < 1e-12);
-            assert!(support.iter().all(|s| s.index < lattice.len()));
+            assert!(support.iter().all(|s| s.index < lattice.count()));
         }
     }
 }
