@@ -61,7 +61,10 @@ pub fn register(
         let done = (n + 1) as f64 / (options.levels_mm.len() + 1) as f64;
         progress.report(done, &format!("registering at {spacing_mm} mm"));
         let level = level(spacing_mm)?;
-        let best = level.climb(&motion, options.iterations);
+        let mut best = level.climb(&motion, options.iterations);
+        if n == 0 && options.search == Search::Near {
+            best = search::other_ribs(&level, best);
+        }
         iterations += best.iterations;
         motion = best.motion;
         last = Some((level, best));

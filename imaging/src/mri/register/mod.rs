@@ -33,7 +33,7 @@ use mammotwin_data::{Vec3, rigid::RigidTransform};
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Search {
-    /// The start is within about 15 mm and 10 degrees: landmarks gave it.
+    /// The start is within about 15 mm and 10 degrees, or some ribs up or down the body: landmarks gave it.
     #[default]
     Near,
     /// Turns of up to 60 degrees (most of it about z: a tilted person; about x and y up to 20

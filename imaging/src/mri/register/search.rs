@@ -56,6 +56,28 @@ pub(super) fn wide(coarse: &Level, finer: &Level, start: &RigidTransform) -> Opt
     }
 }
 
+/// Shifts (mm) along the body that are tried about the end of an ascent: ribs look alike, and lie about 27 mm apart.
+const RIBS_MM: [f64; 8] = [-13.5, 13.5, -27.0, 27.0, -40.5, 40.5, -54.0, 54.0];
+/// What another rib must have more of the similarity, and of the mask's points at least.
+const CLEARLY: f64 = 0.02;
+const ENOUGH: f64 = 0.7;
+
+/// The end of an ascent, or of one from a place some ribs up or down the body where that is clearly more alike.
+pub(super) fn other_ribs(level: &Level, end: Optimum) -> Optimum {
+    let shifted = |along: &f64| {
+        let shift = RigidTransform::about(&Vec3::zeros(), &Vec3::zeros(), &(*along * Vec3::z()));
+        shift.then(&end.motion)
+    };
+    let starts: Vec<RigidTransform> = RIBS_MM.iter().map(shifted).collect();
+    let others = best_of(level, &starts, STEPS);
+    let iterations = end.iterations + total(&others);
+    let better = others.into_iter().find(|other| {
+        let gain = other.evaluation.similarity - end.evaluation.similarity;
+        gain > CLEARLY && other.overlap > ENOUGH * end.overlap
+    });
+    Optimum { iterations, ..better.unwrap_or(end) }
+}
+
 /// Ascents from all starts, the highest first; of equal ones the earlier start.
 fn best_of(level: &Level, starts: &[RigidTransform], steps: usize) -> Vec<Optimum> {
     let mut ends: Vec<Optimum> = starts.par_iter().map(|start| level.climb(start, steps)).collect();
