@@ -1,10 +1,12 @@
 //! The pipeline: one function whose calls are the graph.
 
+mod discover;
 mod fiducials;
 mod labels;
 mod measured;
 mod uncertain;
 
+pub use discover::{Found, discover};
 pub(crate) use measured::{Fitted, fitted, measured};
 pub use measured::{Measured, PoseOutcome, ScanOutcome, Target};
 use uncertain::{deviate, raised};
@@ -15,11 +17,11 @@ use mammotwin_data::{
     io::dicom::Intent,
     labels::LabelMap,
     store::{Entry, Run, Stage, State, Stored},
-    study::{CompressPlan, Elements, Gland as Where, MeshPlan, Pose, Study, Use},
+    study::{CompressPlan, Gland as Where, MeshPlan, Pose, Study, Use},
     surface::TriMesh,
 };
 use mammotwin_stages::{
-    calibrate::{Calibrate, Calibration, Parameter},
+    calibrate::{Calibrate, Calibration},
     clamp::Clamp,
     comfort::Comfort,
     compress::{Compress, Compression},
@@ -27,8 +29,6 @@ use mammotwin_stages::{
         Deliver, DicomPicture, PhantomLegend, PhantomMeta, PhantomNifti, RawPicture, Report,
         ShownPicture, SixteenBits,
     },
-    discover::{Discover, Discovery, Evidence, Gather},
-    effects::Effect,
     fiducials::Fiducials,
     gland::Gland,
     mammogram::{Mammogram, Mammograms},
@@ -218,69 +218,6 @@ fn calibrated(
     let inputs = (&mesh, &first.surfaces, &motions[..], &surfaces[..]);
     let calibration = run.stage(label, &calibrate, inputs)?;
     Ok((mesh, calibration))
-}
-
-/// What [`discover`] makes.
-#[derive(Debug)]
-pub struct Found {
-    /// Residuals, their derivatives and errors.
-    pub evidence: Stored<Evidence>,
-    /// The answer.
-    pub discovery: Stored<Discovery>,
-}
-
-/// Edges of the quadratic elements with which effects are looked for, over those of a study's linear
-/// ones: what linear elements are off is larger than most effects.
-const QUADRATIC_EDGE: f64 = 1.25;
-
-/// Calls the stages of a study, and looks for an effect that its model lacks.
-pub fn discover(
-    study: &Study,
-    held_out: &str,
-    effects: &[&'static Effect],
-    run: &Run<'_>,
-) -> Result<Found, Failure> {
-    if !study.model.muscle.rigid {
-        let why = "model.muscle.rigid: effects are looked for with quadratic elements, which a deformable muscle does \
-            not have; set it to true";
-        return Err(Failure::BadInput(why.into()));
-    }
-    let fitted = Parameter::named(&study.calibrate.parameters);
-    if let Some(shared) = fitted.into_iter().find(|parameter| parameter.side().is_none()) {
-        let why = format!(
-            "calibrate.parameters: effects are looked for beside the moduli of the breasts alone; leave {} out",
-            shared.key()
-        );
-        return Err(Failure::BadInput(why));
-    }
-    let Outcome { reference, measured, mesh, calibration, .. } = self::run(study, run)?;
-    let (meshing, mesh, calibration) = match study.mesh.elements {
-        Elements::Quadratic => (study.mesh, mesh, calibration),
-        Elements::Linear => {
-            let size_mm = QUADRATIC_EDGE * study.mesh.size_mm;
-            let meshing = MeshPlan { size_mm, elements: Elements::Quadratic };
-            let (mesh, calibration) = calibrated(study, meshing, &measured, "quadratic", run)?;
-            (meshing, mesh, calibration)
-        }
-    };
-    let Fitted { names, motions, surfaces } = Fitted::of(measured.targets(study).into_iter());
-    let gather = Gather {
-        model: study.model.clone(),
-        calibrate: study.calibrate.clone(),
-        mesh: meshing,
-        gravity: gravity(&reference, &study.poses[&reference])?,
-        poses: names,
-        reference: reference.clone(),
-        held_out: held_out.into(),
-        effects: effects.iter().map(|effect| effect.name).collect(),
-    };
-    let first = &measured.images[&reference];
-    let inputs = (&first.labels, &first.surfaces, &mesh, &calibration, &motions[..], &surfaces[..]);
-    let evidence = run.stage("", &gather, inputs)?;
-    let discover = Discover { gather };
-    let discovery = run.stage("", &discover, (&evidence, inputs))?;
-    run.export("discovery.h5", &discovery)?;
-    Ok(Found { evidence, discovery })
 }
 
 /// The files that people open.

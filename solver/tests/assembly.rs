@@ -2,7 +2,6 @@
 
 use crate::common;
 
-use common::coarse;
 use common::shapes::brick;
 use mammotwin_data::{Vec3, mesh::Patch, progress::Silent, study::LawName};
 use mammotwin_solver::assemble::{Analyses, Assembly, State};
@@ -108,18 +107,8 @@ fn gradient_and_matrix_are_derivatives_of_the_energy() {
     assert!(error < 1e-5, "{error:.1e}");
 }
 
-/// A coarse breast on a fixed wall, hanging.
 fn hanging() -> Model {
-    let body = coarse();
-    let law = Law::new(LawName::NeoHookean, 0.5, 0.49, None).unwrap();
-    let mut model = Model::new(&body.mesh);
-    let laws = vec![law; body.mesh.tets.len()];
-    model.add(Bulk::new("breast", &body.mesh, laws).unwrap()).unwrap();
-    model.add(Gravity::new("gravity", &body.mesh, 0.98, Vec3::z())).unwrap();
-    for node in body.mesh.patch_nodes(Patch::ChestWall) {
-        model.fix_node(node);
-    }
-    model
+    common::hanging(Law::new(LawName::NeoHookean, 0.5, 0.49, None).unwrap())
 }
 
 fn solved(model: &Model) -> Vec<Vec3> {

@@ -2,7 +2,7 @@
 
 use crate::common;
 
-use common::{Body, coarse};
+use common::{Body, coarse, hanging};
 use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, study::LawName};
 use mammotwin_solver::assemble::{Assembly, EnergyError, State};
 use mammotwin_solver::materials::Law;
@@ -231,19 +231,8 @@ fn an_equilibrium_is_the_same_from_near_and_from_far() {
 
 #[test]
 fn a_start_that_tissue_cannot_be_in_is_taken_back_towards_rest() {
-    let body = coarse();
-    let hanging = |law: Law| {
-        let mut model = Model::new(&body.mesh);
-        let laws = vec![law; body.mesh.tets.len()];
-        model.add(Bulk::new("breast", &body.mesh, laws).unwrap()).unwrap();
-        model.add(Gravity::new("gravity", &body.mesh, 0.98, Vec3::z())).unwrap();
-        for node in body.mesh.patch_nodes(Patch::ChestWall) {
-            model.fix_node(node);
-        }
-        model
-    };
-    let rest = &body.mesh.points;
     let soft = hanging(Law::new(LawName::NeoHookean, 0.5, 0.49, None).unwrap());
+    let rest = &soft.rest;
     let soft = solve(&soft, rest, &Options::default(), &Silent).unwrap();
     let limited = hanging(Law::new(LawName::Gent, 0.5, 0.49, Some(0.2)).unwrap());
     let there = State::new(&limited, soft.points.clone(), Load::GRAVITY);

@@ -9,6 +9,7 @@ pub mod calibrate;
 pub mod clamp;
 pub mod comfort;
 pub mod compress;
+pub mod correspondence;
 pub mod deliver;
 pub mod discover;
 pub mod effects;

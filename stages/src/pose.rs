@@ -1,7 +1,7 @@
 //! A pose as a target: what was measured there, and how far a simulated body is from it.
 
 use crate::{
-    calibrate::correspondence::Correspondence,
+    correspondence::Correspondence,
     mesh::BreastMesh,
     model::{Body, Moduli},
     register::Registered,

@@ -14,7 +14,8 @@ use mammotwin_data::{
 };
 use mammotwin_solver::distance::SurfaceIndex;
 use mammotwin_stages::{
-    calibrate::{Calibrate, Calibration, Parameter, correspondence::Correspondence},
+    calibrate::{Calibrate, Calibration, Parameter},
+    correspondence::Correspondence,
     fiducials::{Anchors, Carry, Miss, Summary, pairs},
     mesh::{BreastMesh, Mesh},
     model::Moduli,

@@ -14,6 +14,7 @@ mod mammogram;
 mod paddles;
 mod scan;
 mod validate;
+mod validate_calibrate;
 mod validate_clamp;
 mod validate_mammogram;
 mod validate_paddles;

@@ -3,7 +3,7 @@
 use super::{
     ComfortPlan, CompressPlan, Elements, InterfaceKind, LawConstants, LawName, LayerPlan,
     ModelPlan, Pose, ReceptorName, RegionPlan, Scan, Study, Use, View, locate::Places,
-    validate_clamp, validate_mammogram, validate_paddles, wording,
+    validate_calibrate, validate_clamp, validate_mammogram, validate_paddles, wording,
 };
 use crate::Vec3;
 use std::ops::Range;
@@ -114,12 +114,7 @@ fn check(study: &Study) -> Checked {
     model(&study.model)?;
     muscle(study)?;
     within("mesh.size_mm", study.mesh.size_mm, 0.5, 50.0)?;
-    calibrated(study)?;
-    if study.calibrate.second_start && study.calibrate.parameters.is_empty() {
-        let why =
-            "repeats a search, but nothing is fitted; name calibrate.parameters or leave it out";
-        return refuse("calibrate.second_start", why);
-    }
+    validate_calibrate::calibrate(study)?;
     study.compress.as_ref().map_or(Ok(()), compress)?;
     start(study)?;
     comfort(&study.comfort)?;
@@ -130,41 +125,6 @@ fn check(study: &Study) -> Checked {
         }
         (Some(_), Some(plan)) => validate_mammogram::thickness(plan.stop.thickness_mm)?,
         (None, _) => {}
-    }
-    Ok(())
-}
-
-/// What is to be fitted is known, and the poses can tell of it.
-fn calibrated(study: &Study) -> Checked {
-    let (path, parameters) = ("calibrate.parameters", &study.calibrate.parameters);
-    known(path, parameters, &CALIBRATED)?;
-    if parameters.is_empty() {
-        return Ok(());
-    }
-    if study.uses().filter(|(_, usage)| *usage == Use::Fit).count() < 2 {
-        let why = "needs two poses with use = \"fit\"; add a pose or empty the list";
-        return refuse(path, why);
-    }
-    let model = &study.model;
-    for (tissue, law, jm) in [
-        ("breast", model.breast.law, model.breast.jm),
-        ("skin", model.skin.law, model.skin.jm),
-        ("fascia", model.fascia.law, model.fascia.jm),
-    ] {
-        let key = format!("{tissue}.jm");
-        if parameters.contains(&key) && (law != LawName::Gent || jm.is_none()) {
-            let why = format!(
-                "{key} is of the Gent law; set model.{tissue}.law = \"gent\" and a first model.{key}"
-            );
-            return refuse(path, why);
-        }
-    }
-    let lies = model.interface.is_bonded() && model.muscle.rigid;
-    if let Some(key) = parameters.iter().find(|key| lies && key.starts_with("fascia.")) {
-        let why = format!(
-            "no pose tells of {key}: the breast is bonded to a rigid chest wall, and the fascia lies on it; leave it out"
-        );
-        return refuse(path, why);
     }
     Ok(())
 }
@@ -436,7 +396,7 @@ pub(super) fn within(path: &str, value: f64, low: f64, high: f64) -> Checked {
     refuse(path, format!("{value} cannot be meant; write a number from {low} to {high}"))
 }
 
-fn known(path: &str, names: &[String], known: &[&str]) -> Checked {
+pub(super) fn known(path: &str, names: &[String], known: &[&str]) -> Checked {
     for (n, name) in names.iter().enumerate() {
         let path = format!("{path}[{n}]");
         if !known.contains(&name.as_str()) {

@@ -274,8 +274,15 @@ fn the_search_for_moduli_may_be_repeated_and_the_fixed_point_be_plain() {
         ("prediction_correction", StressFree::PredictionCorrection),
         ("damped_prediction_correction", StressFree::DampedPredictionCorrection),
     ] {
-        let study = parse(&GOOD.replacen("\"fixed_point\"", &format!("\"{name}\""), 1)).unwrap();
+        let named = GOOD.replacen("\"fixed_point\"", &format!("\"{name}\""), 1);
+        let unfitted = named.replacen(fitted, "parameters = []", 1);
+        let study = parse(&unfitted).unwrap();
         assert_eq!(study.calibrate.stress_free, method);
+        let why = |text: &str| parse(text).unwrap_err().to_string();
+        assert!(why(&named).contains("whatever the moduli are"), "{}", why(&named));
+        let image = "image = \"prone.nii.gz\"\n";
+        let alone = unfitted.replacen(image, &format!("{image}use = \"validate\"\n"), 1);
+        assert!(why(&alone).contains("towards a second pose"), "{}", why(&alone));
     }
 }
 

@@ -126,13 +126,23 @@ impl Analyses {
         terms: &[&dyn Term],
     ) -> Result<Arc<Analysis>, AssemblyError> {
         let topology = Topology::of(model, terms);
-        let known = self.kept().iter().find(|known| known.topology == topology).cloned();
-        if let Some(known) = known {
+        let used_now = |kept: &mut Vec<Arc<Analysis>>, topology: &Topology| {
+            let place = kept.iter().position(|known| known.topology == *topology)?;
+            let known = kept.remove(place);
+            kept.push(known.clone());
+            Some(known)
+        };
+        if let Some(known) = used_now(&mut self.kept(), &topology) {
             return Ok(known);
         }
         // Not under the lock: its loops may be handed a job that waits for the lock, too.
         let found = Arc::new(Analysis::new(topology, model, terms)?);
         let mut kept = self.kept();
+        // Another thread may have been as far.
+        if let Some(known) = used_now(&mut kept, &found.topology) {
+            return Ok(known);
+        }
+        // The one that was not used for longest goes.
         if kept.len() == KEPT {
             kept.remove(0);
         }

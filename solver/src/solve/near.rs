@@ -28,7 +28,7 @@ pub fn solve_near(
     progress: &dyn Progress,
 ) -> Result<Solution, SolveError> {
     let (mut newton, first) = prepare(model, start, Load::GRAVITY)?;
-    let mut points = first.points.clone();
+    let mut points = Vec::new();
     for way in WAYS {
         points = toward(model, &first.points, way);
         let mut state = State::new(model, points.clone(), Load::GRAVITY);

@@ -11,6 +11,11 @@ pub mod shapes;
 pub mod squeeze;
 
 use mammotwin_data::{Vec3, labels::Tissue, mesh::Patch, mesh::TetMesh};
+use mammotwin_solver::{
+    Model,
+    materials::Law,
+    terms::{Bulk, Gravity},
+};
 use std::collections::BTreeMap;
 
 pub struct Body {
@@ -25,6 +30,18 @@ pub fn coarse() -> Body {
 
 pub fn fine() -> Body {
     read(include_bytes!("../data/b20k.bin"))
+}
+
+/// The coarse body on a fixed base, hanging.
+pub fn hanging(law: Law) -> Model {
+    let Body { mesh, .. } = coarse();
+    let mut model = Model::new(&mesh);
+    model.add(Bulk::new("breast", &mesh, vec![law; mesh.tets.len()]).unwrap()).unwrap();
+    model.add(Gravity::new("gravity", &mesh, 0.98, Vec3::z())).unwrap();
+    for node in mesh.patch_nodes(Patch::ChestWall) {
+        model.fix_node(node);
+    }
+    model
 }
 
 fn read(bytes: &[u8]) -> Body {

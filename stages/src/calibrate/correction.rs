@@ -7,7 +7,7 @@
 
 use super::Experiment;
 use crate::model::{Body, Moduli};
-use mammotwin_data::{Failure, Vec3, progress::Silent, solution::Solution, study::StressFree};
+use mammotwin_data::{Failure, Vec3, progress::Silent, solution::Solution};
 use mammotwin_solver::{
     Options, SolveError, solve,
     unload::{self, Effort, Miss},
@@ -15,7 +15,7 @@ use mammotwin_solver::{
 
 /// How the correction goes on.
 #[derive(Debug, Clone, Copy)]
-struct Scheme {
+pub(super) struct Scheme {
     /// Part of the miss that is imposed (the thesis: below 1).
     part: f64,
     /// Gain (mm) of the mean miss below which it ends.
@@ -25,16 +25,10 @@ struct Scheme {
 }
 
 impl Scheme {
-    fn of(method: StressFree) -> Option<Self> {
-        let published = Self { part: 0.5, least_gain_mm: 1.0, damped: false };
-        match method {
-            StressFree::PredictionCorrection => Some(published),
-            StressFree::DampedPredictionCorrection => {
-                Some(Self { least_gain_mm: 0.02, damped: true, ..published })
-            }
-            _ => None,
-        }
-    }
+    /// The thesis': it says no part.
+    pub const PUBLISHED: Self = Self { part: 0.5, least_gain_mm: 1.0, damped: false };
+    /// The same to its end.
+    pub const DAMPED: Self = Self { least_gain_mm: 0.02, damped: true, ..Self::PUBLISHED };
 }
 
 /// Most corrections, and the smallest part that is tried.
@@ -42,19 +36,6 @@ const MOST: usize = 30;
 const SMALLEST: f64 = 0.05;
 /// Steps in which displacements are imposed.
 const RAMP: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
-
-/// The stress-free shape by `method`, where that is one that corrects towards another pose.
-///
-/// # Errors
-/// [`Failure::BadInput`] without another pose, or with a deformable muscle; [`Failure::Numerics`] where a shape carries no load.
-pub(super) fn corrected(
-    experiment: &Experiment,
-    method: StressFree,
-    body: &Body,
-    moduli: Moduli,
-) -> Option<Result<unload::StressFree, Failure>> {
-    Scheme::of(method).map(|scheme| scheme.run(experiment, body, moduli))
-}
 
 /// A stress-free shape, the other pose that it takes, and where its skin should be there.
 struct Predicted {
@@ -66,7 +47,11 @@ struct Predicted {
 }
 
 impl Scheme {
-    fn run(
+    /// The stress-free shape, corrected towards the first other pose.
+    ///
+    /// # Errors
+    /// [`Failure::BadInput`] without another pose; [`Failure::Numerics`] where a shape carries no load.
+    pub fn run(
         self,
         experiment: &Experiment,
         body: &Body,
@@ -77,11 +62,6 @@ impl Scheme {
                 "calibrate.stress_free: a correction needs another pose with use = \"fit\"".into(),
             ));
         };
-        if body.muscle.is_some() {
-            return Err(Failure::BadInput(
-                "calibrate.stress_free: a correction is for a rigid muscle".into(),
-            ));
-        }
         let options = Options::default();
         let known = &body.mesh.points;
         let predicted = |rest: Vec<Vec3>| -> Result<Predicted, Failure> {

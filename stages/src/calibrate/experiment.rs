@@ -1,7 +1,7 @@
 //! The model and the poses that it must reach: one evaluation is a stress-free shape and an
 //! equilibrium in each pose.
 
-use super::{Fit, RoundTrip, correction::corrected};
+use super::{Fit, RoundTrip, correction::Scheme};
 use crate::{
     mesh::BreastMesh,
     model::{Body, Moduli},
@@ -25,8 +25,6 @@ pub struct Experiment<'a> {
     pub targets: Vec<PoseTarget>,
     /// How the stress-free shape is found.
     pub stress_free: StressFree,
-    /// How near.
-    pub unload: unload::Options,
 }
 
 /// The measured poses beside the model: names, motions to the reference pose, surfaces.
@@ -74,18 +72,7 @@ impl<'a> Experiment<'a> {
             posture::refuse_wrong(&target, measured.reference, &shape, &measured.gravity)?;
             targets.push(target);
         }
-        let method = match plan.stress_free {
-            StressFree::Inverse => unload::Method::Inverse,
-            StressFree::FixedPoint => unload::Method::FixedPoint,
-            StressFree::PlainFixedPoint => unload::Method::Plain,
-            // Another way, without a use for this one.
-            StressFree::PredictionCorrection | StressFree::DampedPredictionCorrection => {
-                unload::Method::default()
-            }
-        };
-        let unload = unload::Options { method, ..unload::Options::default() };
-        let stress_free = plan.stress_free;
-        Ok(Self { body: Body::new(mesh, model), targets, stress_free, unload })
+        Ok(Self { body: Body::new(mesh, model), targets, stress_free: plan.stress_free })
     }
 
     /// The same poses and tissues on another mesh of the body.
@@ -97,7 +84,6 @@ impl<'a> Experiment<'a> {
             body: Body::new(mesh, self.body.plan),
             targets: self.targets.iter().map(|target| target.on(mesh)).collect(),
             stress_free: self.stress_free,
-            unload: self.unload,
         }
     }
 
@@ -142,10 +128,13 @@ impl<'a> Experiment<'a> {
         doing: &str,
     ) -> Result<Fit, Failure> {
         let loaded = &body.mesh.points;
-        let found = match corrected(self, self.stress_free, body, moduli) {
-            Some(found) => found?,
-            None => self.unloaded(body, moduli, near)?,
-        };
+        let found = match self.stress_free {
+            StressFree::Inverse => self.unloaded(unload::Method::Inverse, body, moduli, near),
+            StressFree::FixedPoint => self.unloaded(unload::Method::FixedPoint, body, moduli, near),
+            StressFree::PlainFixedPoint => self.unloaded(unload::Method::Plain, body, moduli, near),
+            StressFree::PredictionCorrection => Scheme::PUBLISHED.run(self, body, moduli),
+            StressFree::DampedPredictionCorrection => Scheme::DAMPED.run(self, body, moduli),
+        }?;
         let mut poses = Vec::new();
         for (n, target) in self.targets.iter().enumerate() {
             progress.report(0.6 + 0.4 * n as f64 / self.targets.len() as f64, doing);
@@ -185,6 +174,7 @@ impl<'a> Experiment<'a> {
     /// The stress-free shape from the reference pose alone.
     fn unloaded(
         &self,
+        method: unload::Method,
         body: &Body,
         moduli: Moduli,
         near: Option<&Fit>,
@@ -192,8 +182,8 @@ impl<'a> Experiment<'a> {
         let loaded = &body.mesh.points;
         let gravity = self.targets[0].gravity;
         let model = |rest: &[Vec3]| body.model(rest, moduli, gravity, None);
-        let options = &self.unload;
-        let guess = match (near, options.method) {
+        let options = &unload::Options { method, ..unload::Options::default() };
+        let guess = match (near, method) {
             (Some(fit), _) => fit.rest.clone(),
             (None, unload::Method::Inverse) => loaded.clone(),
             // Gravity turned round is the thesis' first guess.

@@ -1,7 +1,6 @@
 //! Stress-free shape and numbers of the tissues from the reference pose and the poses to be fitted.
 
 mod correction;
-pub mod correspondence;
 mod experiment;
 mod parameter;
 mod precision;

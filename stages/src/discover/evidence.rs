@@ -251,13 +251,6 @@ impl Stage for Gather {
         if seen.is_empty() || seen.len() == self.poses.len() {
             return Err(nothing_decides(&self.held_out));
         }
-        if self.calibrate.stress_free.takes_another_pose() {
-            return Err(Failure::BadInput(
-                "discover: calibrate.stress_free corrects the shape until a pose fits, whatever the model lacks; take \
-                 \"inverse\" or \"fixed_point\""
-                    .into(),
-            ));
-        }
         let measured = self.measured(input);
         let experiment = Experiment::new(mesh, &self.model, &self.calibrate, &measured)?;
         progress.report(0.0, "calibrated model");
