@@ -76,7 +76,7 @@ pub type Pose = (Volume<f32>, LabelMap, PoseSurfaces);
 
 impl Stage for Register {
     const NAME: &'static str = "register";
-    const VERSION: u32 = 8;
+    const VERSION: u32 = 9;
     const METHODS: &'static str = "Poses were registered to the reference pose by maximising the normalised \
          cross-correlation of the images over the pectoral muscle and the ribs behind it, from coarse \
          to fine: first rigidly, then with a smooth change of the chest wall's shape (cubic B-splines; \

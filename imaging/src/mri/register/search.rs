@@ -63,6 +63,9 @@ const CLEARLY: f64 = 0.02;
 const ENOUGH: f64 = 0.7;
 
 /// The end of an ascent, or of one from a place some ribs up or down the body where that is clearly more alike.
+///
+/// An ascent compares the points that are covered at its start, so the ends are compared anew, each over
+/// what is covered there; and one that came back to the same place is no other rib.
 pub(super) fn other_ribs(level: &Level, end: Optimum) -> Optimum {
     let shifted = |along: &f64| {
         let shift = RigidTransform::about(&Vec3::zeros(), &Vec3::zeros(), &(*along * Vec3::z()));
@@ -71,10 +74,16 @@ pub(super) fn other_ribs(level: &Level, end: Optimum) -> Optimum {
     let starts: Vec<RigidTransform> = RIBS_MM.iter().map(shifted).collect();
     let others = best_of(level, &starts, STEPS);
     let iterations = end.iterations + total(&others);
-    let better = others.into_iter().find(|other| {
-        let gain = other.evaluation.similarity - end.evaluation.similarity;
-        gain > CLEARLY && other.overlap > ENOUGH * end.overlap
-    });
+    let here = level.stay(&end.motion);
+    let better = others
+        .into_iter()
+        .filter(|other| level.path_mm(&other.motion, &end.motion) > APART_MM)
+        .map(|other| level.stay(&other.motion))
+        .filter(|other| {
+            let gain = other.evaluation.similarity - here.evaluation.similarity;
+            gain > CLEARLY && other.overlap > ENOUGH * here.overlap
+        })
+        .max_by(|a, b| a.evaluation.similarity.total_cmp(&b.evaluation.similarity));
     Optimum { iterations, ..better.unwrap_or(end) }
 }
 
