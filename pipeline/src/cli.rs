@@ -9,9 +9,9 @@ pub use curves::ForceCurveArguments;
 pub use map::MapArguments;
 pub use models::{BenchmarkArguments, DoseArguments, ImageChainArguments, ProjectionArguments};
 pub use studies::{
-    CalibrationArguments, CompareArguments, DesignsArguments, PaddlesArguments, PositionsArguments,
-    SearchBoxArguments, SegmentationArguments, SensitivityArguments, StiffeningArguments,
-    StudyCommand,
+    CalibrationArguments, CompareArguments, DesignsArguments, MeshArguments, PaddlesArguments,
+    PositionsArguments, SearchBoxArguments, SegmentationArguments, SensitivityArguments,
+    StiffeningArguments, StudyCommand,
 };
 
 use clap::{Args, Parser, Subcommand, ValueEnum};

@@ -239,6 +239,7 @@ pub(crate) fn walk(
     progress: &dyn Progress,
 ) -> Result<(), SolveError> {
     let (first, mut done, mut part) = (state.load, 0.0, 1.0);
+    let leash_mm = model.terms().iter().filter_map(|term| term.leash_mm()).reduce(f64::min);
     let mut last: Option<State> = None;
     let mut patience = PATIENCE;
     loop {
@@ -263,7 +264,13 @@ pub(crate) fn walk(
             found = go_on(newton, model, state, &mut trial, options, &mut patience, counts)
                 .map_or(found, Ok);
         }
+        let way_mm = leash_mm.map_or(0.0, |_| farthest(&state.points, &trial.points));
+        let room = leash_mm.map_or(2.0, |leash| ROOM * leash / way_mm.max(f64::MIN_POSITIVE));
         match found {
+            Ok(()) if room < ROOM && !is_last => {
+                tracing::debug!(way_mm, part, "too far for one load step");
+                part *= room.clamp(0.1, 0.5);
+            }
             Ok(()) => {
                 trial.accept(model);
                 *state = trial.clone();
@@ -273,7 +280,7 @@ pub(crate) fn walk(
                 if done >= 1.0 {
                     return Ok(());
                 }
-                part *= 2.0;
+                part *= room.min(2.0);
             }
             Err(error) => {
                 tracing::debug!(?error, done, part, "load step failed");
@@ -290,6 +297,14 @@ pub(crate) fn walk(
             }
         }
     }
+}
+
+/// Part of what nodes may go in one load step for which the next one is chosen.
+const ROOM: f64 = 0.8;
+
+/// How far (mm) the node goes that goes farthest.
+fn farthest(from: &[Vec3], to: &[Vec3]) -> f64 {
+    from.iter().zip(to).map(|(a, b)| (b - a).norm()).fold(0.0, f64::max)
 }
 
 /// How often a search at the smallest load step may go on, over the whole way.

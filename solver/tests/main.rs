@@ -20,6 +20,7 @@ mod plates;
 mod pressure;
 mod quadratic;
 mod refusals;
+mod self_contact;
 mod sensitivity;
 mod smooth_curve;
 mod unload;

@@ -22,6 +22,7 @@ pub mod load_steps;
 pub mod mammogram;
 pub mod measure;
 pub mod mesh;
+pub mod mesh_study;
 pub mod model;
 pub mod monte_carlo;
 pub mod muscle;

@@ -19,6 +19,7 @@ mod oblique;
 mod plates;
 mod prestress;
 mod registration;
+mod skin_contact;
 mod stiffness_scale;
 mod surfaces;
 mod unloading;

@@ -42,7 +42,7 @@ pub use key::Key;
 pub use lock::Wait;
 pub use options::{Options, Selection};
 pub use place::Store;
-pub use record::{Notes, Record};
+pub use record::{Notes, Record, peak_memory_bytes};
 pub use run::{Entry, Event, Listener, Run, State};
 pub use stored::Stored;
 pub use verify::{Damage, verify};

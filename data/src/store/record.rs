@@ -81,7 +81,7 @@ pub(super) fn now_ms() -> u64 {
 }
 
 /// Peak resident memory of this process (bytes) since [`reset_peak_memory`]; 0 when unknown.
-pub(super) fn peak_memory_bytes() -> u64 {
+pub fn peak_memory_bytes() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
     let kib = line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok());

@@ -222,6 +222,8 @@ pub struct ModelPlan {
     pub ligaments: LigamentPlan,
     /// What happens between breast and muscle.
     pub interface: InterfacePlan,
+    /// Whether skin keeps off skin, as in the fold under a breast that hangs on the abdomen.
+    pub skin_contact: bool,
     /// Mass density of all tissues (g/cm³).
     pub density_g_per_cm3: f64,
     /// Effects that are switched on: amplitude by machine name.
@@ -239,6 +241,7 @@ impl Default for ModelPlan {
             muscle: MusclePlan::default(),
             ligaments: LigamentPlan::default(),
             interface: InterfacePlan::default(),
+            skin_contact: false,
             density_g_per_cm3: 0.981,
             effects: BTreeMap::new(),
         }

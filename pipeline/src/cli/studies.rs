@@ -41,6 +41,9 @@ pub enum StudyCommand {
     /// Compressions of several studies beside the first one's: differences, effect sizes, overlaps
     #[command(after_help = COMPARE_EXAMPLES)]
     Compare(CompareArguments),
+    /// What the size of the elements does to way, strain, force, time and memory: orders of convergence
+    #[command(after_help = MESH_HELP)]
+    Mesh(MeshArguments),
     /// One breast with the paddle at several distances from the chest wall
     #[command(after_help = POSITIONS_EXAMPLES)]
     Positions(PositionsArguments),
@@ -210,6 +213,41 @@ pub struct StiffeningArguments {
     /// Error of the model's forces, alike over 5 mm of thickness (%): what elements do to the curve
     #[arg(long, value_name = "PERCENT", default_value_t = 5.0)]
     pub mesh_error_percent: f64,
+}
+
+const MESH_HELP: &str = "\
+Hangs one digital volunteer and presses her right breast on coarse to fine linear tetrahedra, and fits the limit
+and the order of each answer. The table is written after each mesh.
+
+Examples:
+  mammotwin study mesh --out runs/mesh
+  mammotwin study mesh --preset large --sizes 20,17,15,13,10 --distance-mm 33 --thickness-mm 60
+  mammotwin study mesh --sizes 20,15,10,7,5 --gravity-only";
+
+/// The study of meshes.
+#[derive(Debug, Clone, Args)]
+pub struct MeshArguments {
+    /// Folder to write to
+    #[arg(long, value_name = "DIR", default_value = "runs/mesh")]
+    pub out: PathBuf,
+    /// Kind of volunteer
+    #[arg(long, value_name = "PRESET", default_value = "tiny")]
+    pub preset: String,
+    /// Which person of that kind
+    #[arg(long, value_name = "N", default_value_t = 7)]
+    pub seed: u64,
+    /// Edges of the elements (mm)
+    #[arg(long, value_name = "MM", value_delimiter = ',', default_value = "20,17,15,13,10,7")]
+    pub sizes: Vec<f64>,
+    /// Distance of the plates from the chest wall (mm)
+    #[arg(long, value_name = "MM", default_value_t = 15.0)]
+    pub distance_mm: f64,
+    /// Compressed thickness (mm)
+    #[arg(long, value_name = "MM", default_value_t = 46.0)]
+    pub thickness_mm: f64,
+    /// No compression
+    #[arg(long)]
+    pub gravity_only: bool,
 }
 
 const SEARCH_BOX_HELP: &str = "\

@@ -16,6 +16,7 @@ pub mod inspect;
 pub mod keep;
 pub mod manual;
 pub mod map;
+mod mesh;
 pub mod projection;
 pub mod run;
 pub mod score;
@@ -79,6 +80,7 @@ pub fn dispatch(arguments: &Arguments) -> Result<(), Failure> {
         Command::Study(StudyCommand::Compare(arguments)) => compare::compare(arguments),
         Command::Study(StudyCommand::Positions(arguments)) => compare::positions(arguments),
         Command::Study(StudyCommand::Designs(arguments)) => designs::designs(arguments),
+        Command::Study(StudyCommand::Mesh(arguments)) => mesh::mesh(arguments),
         Command::Study(StudyCommand::SearchBox(arguments)) => search_box::search_box(arguments),
         Command::Study(StudyCommand::Segmentation(arguments)) => {
             segmentation::segmentation(arguments)

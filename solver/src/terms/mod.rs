@@ -16,6 +16,7 @@ pub mod membrane;
 pub mod plate;
 pub mod quadratic;
 pub mod quadratic_membrane;
+pub mod self_contact;
 mod sheet;
 pub mod sliding;
 mod solid;
@@ -36,6 +37,7 @@ pub use grid_distance::GridDistance;
 pub use membrane::Membrane;
 pub use quadratic::QuadraticBulk;
 pub use quadratic_membrane::QuadraticMembrane;
+pub use self_contact::SelfContact;
 pub use sliding::Sliding;
 pub use target::Target;
 
@@ -338,6 +340,11 @@ pub trait Term: Send + Sync {
     /// The same contact with its elements on what they touch with the nodes at `points` (mm); `None` while
     /// that is what they have. It has the memory of this one.
     fn moved_on(&self, _points: &[Vec3]) -> Option<Arc<dyn Term>> {
+        None
+    }
+
+    /// How far (mm) nodes may go from one look at what they touch to the next; `None` where it does not matter.
+    fn leash_mm(&self) -> Option<f64> {
         None
     }
 

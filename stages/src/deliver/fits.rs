@@ -3,11 +3,13 @@
 use crate::{
     calibrate::{Calibration, Parameter},
     fiducials::{Fiducials, Summary},
+    model::skin_through_skin,
     report::Fact,
 };
 use mammotwin_data::{
     Vec3,
     labels::Side,
+    mesh::TetMesh,
     metric::Metric,
     study::{InterfaceKind, LayerPlan, ModelPlan},
 };
@@ -84,6 +86,16 @@ pub fn stretched(state: &str, points: &[Vec3], tets: &[[u32; 4]]) -> Option<Stri
             tets.len()
         )
     })
+}
+
+/// A warning of a state in which skin passes through skin, with the nodes of `mesh` at `points` (mm).
+pub fn passes_through_itself(state: &str, mesh: &TetMesh, points: &[Vec3]) -> Option<String> {
+    let (node, deep_mm) = skin_through_skin(mesh, points)?;
+    let place = points[node as usize];
+    Some(format!(
+        "{state}: skin passes {deep_mm:.1} mm deep through skin at ({:.0}, {:.0}, {:.0}) mm: set model.skin_contact to true",
+        place.x, place.y, place.z
+    ))
 }
 
 /// Standard deviation of a logarithm from which poses hardly tell a number: a factor of 1.6.

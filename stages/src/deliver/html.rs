@@ -30,7 +30,9 @@ use crate::{
     validate,
     validate::Validation,
 };
-use mammotwin_data::{Failure, progress::Progress, store::Stage, study::ModelPlan};
+use mammotwin_data::{
+    Failure, Vec3, mesh::TetMesh, progress::Progress, store::Stage, study::ModelPlan,
+};
 use serde::Serialize;
 
 /// Writes what was found into one page for people.
@@ -64,7 +66,7 @@ pub type Squeezed =
 
 impl Stage for Report {
     const NAME: &'static str = "report";
-    const VERSION: u32 = 9;
+    const VERSION: u32 = 10;
     const METHODS: &'static str = "";
     type Input = (Images, Mechanics, Squeezed);
     type Output = ReportFile;
@@ -126,15 +128,20 @@ impl Stage for Report {
         let fitted = calibration.after.poses.iter();
         let poses = fitted.chain(validations.iter().map(|held_out| &held_out.after));
         let corners = mesh.corners();
-        let stretched = poses.map(|fit| {
+        let told = |state: &str, points: &[Vec3], tets: &[[u32; 4]], mesh: &TetMesh| {
+            let stretched = fits::stretched(state, points, tets);
+            stretched.into_iter().chain(fits::passes_through_itself(state, mesh, points))
+        };
+        let poses = poses.flat_map(|fit| {
             let state = format!("Simulated pose {}", fit.pose);
-            fits::stretched(&state, &fit.solution.points, &corners.tets)
+            told(&state, &fit.solution.points, &corners.tets, &mesh.mesh)
         });
-        input.warnings.extend(stretched.flatten());
+        input.warnings.extend(poses);
+        let pressed = compression.as_ref();
         input.warnings.extend(
-            compression.as_ref().and_then(|c| {
-                fits::stretched("Compressed breast", &c.solution.points, &c.mesh.tets)
-            }),
+            pressed
+                .into_iter()
+                .flat_map(|c| told("Compressed breast", &c.solution.points, &c.mesh.tets, &c.mesh)),
         );
         if let Some(why) = compression.as_ref().and_then(|c| c.stopped_early.as_ref()) {
             input.warnings.push(format!("The compression ended before its stop rule: {why}"));

@@ -9,12 +9,14 @@ use super::{
 };
 use crate::{
     compress::{Compress, Compression, Start},
-    volunteer::{Preset, Torso, mechanics::TruthBody, model_plan},
+    volunteer::{PoseName, Preset, Torso, mechanics::TruthBody, model_plan},
 };
 use mammotwin_data::{
     Failure, Vec3,
     labels::Side,
+    mesh::TetMesh,
     progress::Silent,
+    solution::Solution,
     study::{
         CompressLaw, CompressPlan, EDGE_RADIUS_MM, Elements, LawConstants, LawName, MeshPlan,
         ModelPlan, PaddleName, ReceptorName, StopPlan, View,
@@ -80,6 +82,8 @@ impl Meshed {
 pub struct Ready {
     body: TruthBody,
     model: ModelPlan,
+    /// Tip of the right breast (mm), stress-free, and the way out of the body there.
+    tip: [Vec3; 2],
 }
 
 impl Person {
@@ -102,7 +106,8 @@ impl Person {
         let torso = Torso::new(person, self.seed);
         let meshing = MeshPlan { size_mm: mesh.size_mm, elements: Elements::Linear };
         let body = TruthBody::on_lattice(&torso, meshing, mesh.placement, &Silent)?;
-        Ok(Ready { body, model: model_plan(&torso.person) })
+        let tip = [torso.breasts[0].apex, torso.breasts[0].outward];
+        Ok(Ready { body, model: model_plan(&torso.person), tip })
     }
 
     /// Her compression: cranio-caudal, rigid paddle, Gent tissue.
@@ -155,6 +160,24 @@ impl Person {
 pub const LARGEST_N: f64 = 400.0;
 
 impl Ready {
+    /// Her stress-free mesh.
+    pub fn mesh(&self) -> &TetMesh {
+        &self.body.mesh
+    }
+
+    /// A place (mm) so deep (mm) under the tip of her right breast, in the stress-free shape.
+    pub fn tip(&self, depth_mm: f64) -> Vec3 {
+        self.tip[0] - depth_mm * self.tip[1]
+    }
+
+    /// She lies or stands.
+    ///
+    /// # Errors
+    /// No equilibrium.
+    pub fn posed(&self, pose: PoseName) -> Result<Solution, Failure> {
+        self.body.deform(pose, &Silent)
+    }
+
     /// Presses her.
     ///
     /// # Errors

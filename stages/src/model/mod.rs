@@ -30,7 +30,7 @@ use mammotwin_solver::{
     assemble::Analyses,
     materials::LawError,
     model::{Model, ModelError},
-    terms::{Bulk, Cables, Fibres, Gravity, GridDistance, Membrane, Target},
+    terms::{Bulk, Cables, Fibres, Gravity, GridDistance, Membrane, SelfContact, Target},
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -201,6 +201,11 @@ impl<'a> Body<'a> {
                 model.add(cables).map_err(|c| refuse(&c))?;
             }
         }
+        if self.plan.skin_contact {
+            let mesh = TetMesh { points: rest.to_vec(), ..self.mesh.clone() };
+            let contact = SelfContact::new(SKIN_CONTACT, &mesh, self.mesh.patch(Patch::Skin));
+            model.add(contact).map_err(|c| refuse(&c))?;
+        }
         // Skin and fascia go on beyond the cuts: their ends stay there.
         for (layer, axis) in [(Patch::Skin, 1), (Patch::ChestWall, 2)] {
             for cut in [Patch::Superior, Patch::Inferior] {
@@ -212,6 +217,19 @@ impl<'a> Body<'a> {
         Ok(())
     }
 }
+
+/// Name of the term that keeps skin off skin.
+const SKIN_CONTACT: &str = "skin_contact";
+
+/// How deep (mm) skin passes through skin of a body with its nodes at `points` (mm), and the node that is
+/// deepest; `None` where none does.
+pub fn skin_through_skin(mesh: &TetMesh, points: &[Vec3]) -> Option<(u32, f64)> {
+    let contact = SelfContact::new(SKIN_CONTACT, mesh, mesh.patch(Patch::Skin));
+    contact.deepest(points).filter(|(_, deep_mm)| *deep_mm > TOLD_MM)
+}
+
+/// Skin that is less deep (mm) in other skin is not told: facets of a fold meet so.
+const TOLD_MM: f64 = 0.5;
 
 /// Why tissue cannot be modelled.
 #[derive(Debug, thiserror::Error)]

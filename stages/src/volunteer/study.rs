@@ -22,6 +22,7 @@ pub fn model_plan(person: &Preset) -> ModelPlan {
         muscle: MusclePlan { rigid: true, young_kpa: fixed.muscle_kpa },
         ligaments: LigamentPlan { young_kpa: fixed.ligaments_kpa, ..LigamentPlan::default() },
         interface: InterfacePlan::uniform(fixed.interface, Some(fixed.friction)),
+        skin_contact: false,
         density_g_per_cm3: fixed.density_g_per_cm3,
         effects: person.effects.clone(),
     }
