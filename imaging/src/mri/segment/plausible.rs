@@ -12,9 +12,9 @@ const THICK_MM: f32 = 14.0;
 const UNDER_SKIN_MM: f32 = 9.0;
 /// Brightness of what lies just before the wall over that of what lies under the skin: both are fat.
 const ALIKE: [f64; 2] = [0.7, 1.25];
-/// The rear of the muscle shows on this part of the wall at least: on 0.28 and more of sound ones (real and drawn),
-/// on 0.05 and less of two real scans with suppressed fat, 0.09 and less of drawn ones (fat of 2 to 50 %).
-const REAR_SEEN: f64 = 0.1;
+/// The rear of the muscle shows on this part of the wall at least: on 0.24 and more of sound ones (real and drawn),
+/// on 0.09 and less of drawn ones with suppressed fat (of 2 to 50 %), and of 18 real ones on 0.17 and less.
+const REAR_SEEN: f64 = 0.2;
 
 /// Whether fat lies just before the wall, and muscle with fat or ribs behind it.
 ///
