@@ -45,22 +45,34 @@ pub struct Quantity {
     pub key: &'static str,
     /// In plain words.
     pub name: &'static str,
+    /// In the legend of a chart.
+    pub short: &'static str,
     /// Unit; empty for none.
     pub unit: &'static str,
 }
 
-const fn quantity(key: &'static str, name: &'static str, unit: &'static str) -> Quantity {
-    Quantity { key, name, unit }
+const fn quantity(
+    key: &'static str,
+    name: &'static str,
+    short: &'static str,
+    unit: &'static str,
+) -> Quantity {
+    Quantity { key, name, short, unit }
 }
 
 /// What is asked of every mesh; the last three with a compression alone.
 pub const QUANTITIES: [Quantity; 6] = [
-    quantity("tip_mm", "way of the tip, hanging", "mm"),
-    quantity("strain_mean", "largest logarithmic strain, hanging, mean", ""),
-    quantity("strain_p95", "the same, 95 % of the volume", ""),
-    quantity("force_n", "force of the paddle", "N"),
-    quantity("pressed_strain_mean", "largest logarithmic strain, compressed, mean", ""),
-    quantity("pressed_strain_p95", "the same, 95 % of the volume", ""),
+    quantity("tip_mm", "way of the tip, hanging", "tip", "mm"),
+    quantity("strain_mean", "largest logarithmic strain, hanging, mean", "strain", ""),
+    quantity("strain_p95", "the same, 95 % of the volume", "strain, 95 %", ""),
+    quantity("force_n", "force of the paddle", "force", "N"),
+    quantity(
+        "pressed_strain_mean",
+        "largest logarithmic strain, compressed, mean",
+        "pressed, strain",
+        "",
+    ),
+    quantity("pressed_strain_p95", "the same, 95 % of the volume", "pressed, 95 %", ""),
 ];
 
 /// Hangs and presses a person on elements of `size_mm`.

@@ -136,7 +136,7 @@ fn chart(done: &[Done]) -> String {
         let (sizes, values) = course(done, n);
         let finest = values.last().copied().unwrap_or(f64::NAN);
         let points = sizes.into_iter().zip(values.iter().map(|value| 100.0 * value / finest));
-        Line { name: QUANTITIES[n].name.into(), points: points.collect() }
+        Line { name: QUANTITIES[n].short.into(), points: points.collect() }
     };
     lines(&Chart {
         title: "Answers over the size of the elements".into(),
