@@ -242,6 +242,14 @@ pub(crate) fn walk(
     let leash_mm = model.terms().iter().filter_map(|term| term.leash_mm()).reduce(f64::min);
     let mut last: Option<State> = None;
     let mut patience = PATIENCE;
+    if leash_mm.is_some() {
+        // From a start that is no equilibrium the way would not be that of the load.
+        let mut settled = state.clone();
+        if balance(newton, model, &mut settled, options, Curvature::Exact, counts).is_ok() {
+            settled.accept(model);
+            *state = settled;
+        }
+    }
     loop {
         let to = f64::min(1.0, done + part);
         let to = if to > 1.0 - 1e-9 { 1.0 } else { to };
@@ -264,12 +272,13 @@ pub(crate) fn walk(
             found = go_on(newton, model, state, &mut trial, options, &mut patience, counts)
                 .map_or(found, Ok);
         }
-        let way_mm = leash_mm.map_or(0.0, |_| farthest(&state.points, &trial.points));
-        let room = leash_mm.map_or(2.0, |leash| ROOM * leash / way_mm.max(f64::MIN_POSITIVE));
+        let room = leash_mm.map_or(f64::INFINITY, |leash| {
+            leash / farthest(&state.points, &trial.points).max(f64::MIN_POSITIVE)
+        });
         match found {
-            Ok(()) if room < ROOM && !is_last => {
-                tracing::debug!(way_mm, part, "too far for one load step");
-                part *= room.clamp(0.1, 0.5);
+            Ok(()) if room < 1.0 && !is_last => {
+                tracing::debug!(room, part, "too far for one load step");
+                part = (part * (ROOM * room).clamp(0.1, 0.5)).max(options.smallest_step);
             }
             Ok(()) => {
                 trial.accept(model);
@@ -280,7 +289,7 @@ pub(crate) fn walk(
                 if done >= 1.0 {
                     return Ok(());
                 }
-                part *= room.min(2.0);
+                part = (part * (ROOM * room).min(2.0)).max(options.smallest_step);
             }
             Err(error) => {
                 tracing::debug!(?error, done, part, "load step failed");
@@ -299,7 +308,7 @@ pub(crate) fn walk(
     }
 }
 
-/// Part of what nodes may go in one load step for which the next one is chosen.
+/// Part of the way that nodes may go in one load step for which the next one is chosen.
 const ROOM: f64 = 0.8;
 
 /// How far (mm) the node goes that goes farthest.
@@ -326,10 +335,7 @@ fn go_on(
 ) -> Option<()> {
     let [low, high] = [Vec3::inf, Vec3::sup]
         .map(|of| model.rest.iter().copied().reduce(|a, b| of(&a, &b)).unwrap_or_default());
-    let fell = |now: &State| {
-        let ways = state.points.iter().zip(&now.points).map(|(from, to)| (to - from).norm());
-        ways.fold(0.0, f64::max) > FALL * (high - low).norm()
-    };
+    let fell = |now: &State| farthest(&state.points, &now.points) > FALL * (high - low).norm();
     let mut further = trial.clone();
     while *patience > 0 && !fell(&further) {
         *patience -= 1;

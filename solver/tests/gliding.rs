@@ -1,18 +1,20 @@
 //! A body that glides on the front of another one, which gives way: derivatives, balance, a block on a
 //! block of other elements, and a stiff one as a rigid surface.
 
-use crate::common::shapes::brick;
+use crate::common::{
+    contact::{balanced, state_of},
+    shapes::brick,
+};
 use mammotwin_data::{
     Mat3, Vec3, mesh::Patch, mesh::TetMesh, progress::Silent, solution::Solution,
 };
 use mammotwin_solver::materials::Law;
 use mammotwin_solver::terms::{
-    At, Block, Bulk, Curvature, Front, Gliding, Gravity, Load, Opening, Order, Sliding, Term,
+    Bulk, Front, Gliding, Gravity, Opening, Sliding, Term,
     target::{Plane, Sphere, Target},
     testing,
 };
 use mammotwin_solver::{Model, Options, SolveError, solve};
-use nalgebra::Rotation3;
 use std::sync::Arc;
 
 /// Height (mm) of either block; the front of the lower one is the plane z = 0.
@@ -102,11 +104,6 @@ fn bent(p: &Vec3) -> Vec3 {
     )
 }
 
-fn state_of<'a>(points: &'a [Vec3], memory: &'a [f64], shear_kpa: &'a [f64]) -> At<'a> {
-    let curvature = Curvature::Exact;
-    At { points, pressure: &[], memory, shear_kpa, load: Load::GRAVITY, curvature }
-}
-
 /// Verifies: force and tangent of the contact with a deformed front | fourth-order differences | 1e-7, 1e-6
 #[test]
 fn force_and_tangent_are_derivatives_of_the_energy() {
@@ -126,29 +123,9 @@ fn both_bodies_bear_opposite_forces_and_rigid_motions_change_nothing() {
     let sphere = Sphere { center: Vec3::new(3.0, -2.0, -50.0), radius_mm: 50.0 };
     let term = blocks.gliding(Arc::new(sphere));
     let points: Vec<Vec3> = blocks.mesh.points.iter().map(bent).collect();
-    let turn = Rotation3::from_euler_angles(0.7, -0.4, 1.9);
-    let turned: Vec<Vec3> = points.iter().map(|p| turn * p + Vec3::new(30.0, -7.0, 4.0)).collect();
-    let memory = vec![-0.4; term.elements()];
-    let shear = vec![0.2; points.len()];
-    for element in 0..term.elements() {
-        let block = |points: &[Vec3]| {
-            let mut block = Block::ZERO;
-            term.block(element, &state_of(points, &memory, &shear), Order::Gradient, &mut block)
-                .unwrap();
-            block
-        };
-        let (here, there) = (block(&points), block(&turned));
-        let size: f64 = here.gradient.iter().map(|g| g.norm()).sum();
-        let force: Vec3 = here.gradient.iter().sum();
-        let arms = term.nodes(element).iter().map(|&n| points[n as usize]);
-        let moment: Vec3 = arms.zip(&here.gradient).map(|(p, g)| p.cross(g)).sum();
-        assert!(size > 1.0 && force.norm() < 1e-10 * size, "{force} of {size}");
-        assert!(moment.norm() < 1e-9 * 40.0 * size, "{moment} of {size}");
-        assert!((here.energy - there.energy).abs() < 1e-9 * here.energy.abs().max(1.0));
-        for (one, other) in here.gradient.iter().zip(&there.gradient) {
-            assert!((turn * one - other).norm() < 1e-9 * size);
-        }
-    }
+    let (memory, shear) = (vec![-0.4; term.elements()], vec![0.2; points.len()]);
+    let pressed = balanced(&term, &points, &memory, &shear, 40.0);
+    assert_eq!(pressed, term.elements());
 }
 
 fn solved(model: &Model, start: &[Vec3]) -> Result<Solution, SolveError> {

@@ -1,15 +1,16 @@
 //! Skin that touches skin: derivatives, balance, what is told from what lies behind its own tissue, and two
 //! beams that meet where each would meet a mirror.
 
-use crate::common::shapes::brick;
+use crate::common::{
+    contact::{balanced, state_of},
+    shapes::brick,
+};
 use mammotwin_data::{Vec3, mesh::Patch, mesh::TetMesh, progress::Silent};
 use mammotwin_solver::materials::Law;
 use mammotwin_solver::terms::{
-    At, Block, Bulk, Curvature, Gravity, Load, Opening, Order, SelfContact, Sliding, Term,
-    target::Plane, testing,
+    Bulk, Gravity, Opening, SelfContact, Sliding, Term, target::Plane, testing,
 };
 use mammotwin_solver::{Model, Options, solve};
-use nalgebra::Rotation3;
 use std::sync::Arc;
 
 /// Length, width and height (mm) of a beam, and half of the way between the two.
@@ -68,11 +69,6 @@ fn model(mesh: &TetMesh, upper: usize, pull: f64) -> Model {
     model
 }
 
-fn state_of<'a>(points: &'a [Vec3], memory: &'a [f64], shear_kpa: &'a [f64]) -> At<'a> {
-    let curvature = Curvature::Exact;
-    At { points, pressure: &[], memory, shear_kpa, load: Load::GRAVITY, curvature }
-}
-
 /// Both beams bent through each other by `deep_mm` and more.
 fn through(beams: &Beams, deep_mm: f64) -> Vec<Vec3> {
     let one = |p: &Vec3| {
@@ -107,30 +103,8 @@ fn both_skins_bear_opposite_forces_and_rigid_motions_change_nothing() {
     let beams = beams([6, 2], [5, 2]);
     let points = through(&beams, 1.0);
     let term = found(&beams, &points);
-    let turn = Rotation3::from_euler_angles(0.7, -0.4, 1.9);
-    let turned: Vec<Vec3> = points.iter().map(|p| turn * p + Vec3::new(30.0, -7.0, 4.0)).collect();
     let (memory, shear) = (vec![-0.4; term.elements()], vec![0.2; points.len()]);
-    let mut pressed = 0;
-    for element in 0..term.elements() {
-        let block = |points: &[Vec3]| {
-            let mut block = Block::ZERO;
-            let at = state_of(points, &memory, &shear);
-            term.block(element, &at, Order::Gradient, &mut block).unwrap();
-            block
-        };
-        let (here, there) = (block(&points), block(&turned));
-        let size: f64 = here.gradient.iter().map(|g| g.norm()).sum();
-        let force: Vec3 = here.gradient.iter().sum();
-        let arms = term.nodes(element).iter().map(|&n| points[n as usize]);
-        let moment: Vec3 = arms.zip(&here.gradient).map(|(p, g)| p.cross(g)).sum();
-        assert!(force.norm() <= 1e-10 * size, "{force} of {size}");
-        assert!(moment.norm() <= 1e-9 * LONG_MM * size, "{moment} of {size}");
-        assert!((here.energy - there.energy).abs() <= 1e-9 * here.energy.abs().max(1.0));
-        for (one, other) in here.gradient.iter().zip(&there.gradient) {
-            assert!((turn * one - other).norm() <= 1e-9 * size);
-        }
-        pressed += usize::from(size > 1.0);
-    }
+    let pressed = balanced(term.as_ref(), &points, &memory, &shear, LONG_MM);
     println!("{pressed} of {} nodes press", term.elements());
     assert!(pressed > 8);
 }

@@ -80,7 +80,7 @@ pub(super) fn now_ms() -> u64 {
     since.map_or(0, |since| since.as_millis() as u64)
 }
 
-/// Peak resident memory of this process (bytes) so far (or of the stage that runs, where the kernel forgets older peaks); 0 when unknown.
+/// Peak resident memory of this process (bytes), in a run since its stage began where the kernel allows; 0 when unknown.
 pub fn peak_memory_bytes() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

@@ -11,20 +11,13 @@
 //! costs a ½ k d² with `a` the area of it that the skin around the node covers now. That area lags
 //! behind, as friction does, until it changes no more.
 
+mod law;
+
 use super::friction::{Hold, Response, Slip};
-use super::{At, Block, ContactCheck, Curvature, Order};
+use super::{At, ContactCheck};
 use crate::model::ModelError;
 use mammotwin_data::{Mat3, Vec3};
 use std::collections::BTreeMap;
-
-/// Penalty in units of the tissue's shear modulus over the node's own width.
-const PENALTY: f64 = 1000.0;
-
-/// A node that a step brings to the surface lies this deep (mm) beyond where it bears nothing, so
-/// that the next step knows of the contact.
-const NUDGE_MM: f64 = 1e-4;
-/// Square of the gradient of a distance below which it has no direction.
-const LEAST_SLOPE: f64 = 1e-6;
 
 /// Area (mm²) of the faces that belongs to each of their nodes.
 pub(crate) fn node_areas(points: &[Vec3], faces: &[[u32; 3]]) -> BTreeMap<u32, f64> {
@@ -213,19 +206,6 @@ impl Contact {
         (0..self.nodes.len()).map(one).collect()
     }
 
-    /// Penalty (kPa/mm) of a node.
-    fn penalty(&self, element: usize, shear_kpa: &[f64]) -> f64 {
-        PENALTY * shear_kpa[self.nodes[element] as usize] / self.areas[element].sqrt()
-    }
-
-    /// Multiplier (kPa) and stiffness (kPa/mm) along the normal, both over the node's own area.
-    pub fn normal_law(&self, element: usize, memory: &[f64], shear_kpa: &[f64]) -> (f64, f64) {
-        match &self.foam {
-            Some(foam) => (0.0, foam.stiffness * memory[element]),
-            None => (memory[element], self.penalty(element, shear_kpa)),
-        }
-    }
-
     /// Area that each node covers over its own; empty without a foam.
     fn covered(&self, points: &[Vec3], touch: impl Fn(usize) -> Touch) -> Vec<f64> {
         let Some(foam) = &self.foam else { return Vec::new() };
@@ -245,52 +225,12 @@ impl Contact {
         memory[self.nodes.len()..].chunks_exact_mut(Hold::LENGTH)
     }
 
-    /// Traction along the normal (kPa, negative where pressed on).
-    fn traction(&self, element: usize, memory: &[f64], shear_kpa: &[f64], touch: &Touch) -> f64 {
-        let (multiplier, stiffness) = self.normal_law(element, memory, shear_kpa);
-        let traction = multiplier + stiffness * touch.distance;
-        match self.opening {
-            Opening::Never => traction,
-            Opening::Free => traction.min(0.0),
-        }
-    }
-
     fn friction(&self, element: usize, at: &At, touch: &Touch) -> Response {
         if !self.has_friction() {
             return Response::NONE;
         }
         let stick = self.penalty(element, at.shear_kpa);
         self.slip.response(&self.hold(element, at.memory), &touch.place, stick)
-    }
-
-    /// Energy of a node and its derivatives.
-    pub fn block(&self, element: usize, at: &At, order: Order, block: &mut Block, touch: &Touch) {
-        let Touch { distance, normal, curvature, .. } = touch;
-        let area = self.areas[element];
-        let (multiplier, penalty) = self.normal_law(element, at.memory, at.shear_kpa);
-        let traction = self.traction(element, at.memory, at.shear_kpa, touch);
-        block.energy = match self.opening {
-            Opening::Never => area * (multiplier + 0.5 * penalty * distance) * distance,
-            Opening::Free => 0.5 * area * (traction * traction - multiplier * multiplier) / penalty,
-        };
-        // What just touches is closed: a body that lies on the surface has a stiffness there.
-        let touches = traction < 0.0 || (distance, multiplier) == (&0.0, 0.0);
-        let closed = self.opening == Opening::Never || touches;
-        if closed && order >= Order::Gradient {
-            block.gradient[0] = area * traction * normal;
-        }
-        if closed && order >= Order::Hessian {
-            block.hessian[0][0] = area * penalty * normal * normal.transpose();
-            if at.curvature == Curvature::Exact || traction > 0.0 {
-                block.hessian[0][0] += area * traction * curvature;
-            }
-        }
-        if self.has_friction() {
-            let friction = self.friction(element, at, touch);
-            block.energy += area * friction.energy;
-            block.gradient[0] += area * friction.traction;
-            block.hessian[0][0] += area * friction.stiffness;
-        }
     }
 
     /// What is remembered before anything has happened: slip counts from where nodes touch, and the
@@ -381,26 +321,8 @@ impl Contact {
         for (element, &node) in self.nodes.iter().enumerate() {
             let node = node as usize;
             let (start, end) = (touch(element, from.points), touch(element, points));
-            let size = end.normal.norm_squared();
-            if !(size > LEAST_SLOPE) {
-                continue;
-            }
             let foretold = start.distance + start.normal.dot(&step[node]);
-            let wanted = match self.opening {
-                Opening::Never => foretold,
-                Opening::Free => {
-                    let (multiplier, penalty) =
-                        self.normal_law(element, from.memory, from.shear_kpa);
-                    let loose = -multiplier / penalty;
-                    let closed = start.distance < loose;
-                    if closed && foretold < loose {
-                        foretold
-                    } else {
-                        end.distance.max(loose - NUDGE_MM)
-                    }
-                }
-            };
-            points[node] += (wanted - end.distance) / size * end.normal;
+            points[node] += self.shift(element, from, start.distance, foretold, &end);
         }
     }
 

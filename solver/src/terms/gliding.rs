@@ -16,8 +16,7 @@
 
 use super::contact::{Contact, Touch};
 use super::{
-    At, Block, ContactCheck, Curvature, Load, NodeForce, Opening, Order, Term, Touching,
-    target::Target,
+    At, Block, ContactCheck, Load, NodeForce, Opening, Order, Term, Touching, target::Target,
 };
 use crate::materials::MaterialError;
 use crate::model::ModelError;
@@ -250,39 +249,19 @@ impl Term for Gliding {
         block: &mut Block,
     ) -> Result<(), MaterialError> {
         let touch = self.touch(element, at.points);
-        let area = self.contact.areas[element];
-        let (multiplier, penalty) = self.contact.normal_law(element, at.memory, at.shear_kpa);
-        block.energy = area * (multiplier + 0.5 * penalty * touch.distance) * touch.distance;
-        let Some(look) = self.look(element, at.points).filter(|_| order >= Order::Gradient) else {
-            return Ok(());
-        };
-        let traction = multiplier + penalty * touch.distance;
-        let slope = touch.normal;
+        let Some(look) = self.look(element, at.points) else { return Ok(()) };
         // How the distance to the tetrahedron's own place of the point answers to each node.
         let [a, b, c, d] = look.weights;
         let share = [1.0, -a, -b, -c, -d];
-        for (gradient, share) in block.gradient.iter_mut().zip(share) {
-            *gradient = area * traction * share * slope;
-        }
-        if order < Order::Hessian {
-            return Ok(());
-        }
-        let along = slope * slope.transpose();
-        let turns = at.curvature == Curvature::Exact;
+        let slope = touch.normal;
         let nabla = |n: usize| if n == 0 { Vec3::zeros() } else { look.gradients[n - 1] };
-        for r in 0..5 {
-            for s in 0..=r {
-                let both = share[r] * share[s];
-                let mut second = penalty * both * along;
-                if turns {
-                    let bend = both * touch.curvature
-                        - share[r] * nabla(s) * slope.transpose()
-                        - share[s] * slope * nabla(r).transpose();
-                    second += traction * bend;
-                }
-                block.hessian[r][s] = area * second;
-            }
-        }
+        let bend = |r: usize, s: usize| {
+            share[r] * share[s] * touch.curvature
+                - share[r] * nabla(s) * slope.transpose()
+                - share[s] * slope * nabla(r).transpose()
+        };
+        let slopes = share.map(|share| share * slope);
+        self.contact.shared_block(element, at, order, block, &touch, &slopes, bend);
         Ok(())
     }
 
@@ -302,10 +281,7 @@ impl Term for Gliding {
                 nodes[1..].iter().zip(look.weights).map(|(&n, w)| w * step[n as usize]).sum();
             let node = nodes[0] as usize;
             let foretold = start.distance + start.normal.dot(&(step[node] - carried));
-            let size = end.normal.norm_squared();
-            if size > 1e-6 {
-                points[node] += (foretold - end.distance) / size * end.normal;
-            }
+            points[node] += self.contact.shift(element, from, start.distance, foretold, &end);
         }
     }
 

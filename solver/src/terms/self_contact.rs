@@ -13,15 +13,12 @@ mod plane;
 mod search;
 
 use super::contact::{Contact, Touch};
-use super::{At, Block, ContactCheck, Curvature, Load, NodeForce, Opening, Order, Term, Touching};
+use super::{At, Block, ContactCheck, Load, NodeForce, Opening, Order, Term, Touching};
 use crate::materials::MaterialError;
 use mammotwin_data::{Mat3, Vec3, mesh::TetMesh};
 use search::Skin;
 use std::sync::Arc;
 
-/// A node that a step brings to a face lies this deep (mm) beyond where it bears nothing, so that the next
-/// step knows of the contact.
-const NUDGE_MM: f64 = 1e-4;
 /// Skin that goes farther (mm) in one load step may have gone through other skin unseen: less than half of what is
 /// looked through.
 const LEASH_MM: f64 = 10.0;
@@ -115,28 +112,10 @@ impl Term for SelfContact {
         order: Order,
         block: &mut Block,
     ) -> Result<(), MaterialError> {
-        let Some(look) = self.look(element, at.points) else { return Ok(()) };
-        let area = self.contact.areas[element];
-        let (multiplier, penalty) = self.contact.normal_law(element, at.memory, at.shear_kpa);
-        let traction = (multiplier + penalty * look.mm).min(0.0);
-        block.energy = 0.5 * area * (traction * traction - multiplier * multiplier) / penalty;
-        if !(traction < 0.0) || order < Order::Gradient {
-            return Ok(());
-        }
-        for (gradient, slope) in block.gradient.iter_mut().zip(&look.gradient) {
-            *gradient = area * traction * slope;
-        }
-        if order < Order::Hessian {
-            return Ok(());
-        }
-        for r in 0..4 {
-            for s in 0..=r {
-                let mut second = penalty * look.gradient[r] * look.gradient[s].transpose();
-                if at.curvature == Curvature::Exact {
-                    second += traction * look.curvature[r][s];
-                }
-                block.hessian[r][s] = area * second;
-            }
+        if let Some(look) = self.look(element, at.points) {
+            let touch = self.touch(element, at.points);
+            let curvature = |r: usize, s: usize| look.curvature[r][s];
+            self.contact.shared_block(element, at, order, block, &touch, &look.gradient, curvature);
         }
         Ok(())
     }
@@ -151,23 +130,12 @@ impl Term for SelfContact {
 
     fn keep_to_surface(&self, from: &At, step: &[Vec3], points: &mut [Vec3]) {
         for (element, nodes) in self.touched.iter().enumerate() {
-            let (Some(start), Some(end)) =
-                (self.look(element, from.points), self.look(element, points))
-            else {
-                continue;
-            };
+            let Some(start) = self.look(element, from.points) else { continue };
             let slopes = nodes.iter().zip(start.gradient);
             let change: f64 = slopes.map(|(&n, slope)| slope.dot(&step[n as usize])).sum();
-            let (multiplier, penalty) =
-                self.contact.normal_law(element, from.memory, from.shear_kpa);
-            let loose = -multiplier / penalty;
-            let foretold = start.mm + change;
-            let wanted = if start.mm < loose && foretold < loose {
-                foretold
-            } else {
-                end.mm.max(loose - NUDGE_MM)
-            };
-            points[nodes[0] as usize] += (wanted - end.mm) * end.gradient[0];
+            let end = self.touch(element, points);
+            let shift = self.contact.shift(element, from, start.mm, start.mm + change, &end);
+            points[nodes[0] as usize] += shift;
         }
     }
 

@@ -5,6 +5,7 @@
 
 #![allow(dead_code)] // benches take a part of it
 
+pub mod contact;
 pub mod laws;
 pub mod loads;
 pub mod shapes;

@@ -137,12 +137,12 @@ impl Stage for Report {
             told(&state, &fit.solution.points, &corners.tets, &mesh.mesh)
         });
         input.warnings.extend(poses);
-        let pressed = compression.as_ref();
-        input.warnings.extend(
-            pressed
-                .into_iter()
-                .flat_map(|c| told("Compressed breast", &c.solution.points, &c.mesh.tets, &c.mesh)),
-        );
+        let pressed = compression.iter();
+        input
+            .warnings
+            .extend(pressed.flat_map(|c| {
+                told("Compressed breast", &c.solution.points, &c.mesh.tets, &c.mesh)
+            }));
         if let Some(why) = compression.as_ref().and_then(|c| c.stopped_early.as_ref()) {
             input.warnings.push(format!("The compression ended before its stop rule: {why}"));
         }

@@ -13,7 +13,7 @@ const UNDER_SKIN_MM: f32 = 9.0;
 /// Brightness of what lies just before the wall over that of what lies under the skin: both are fat.
 const ALIKE: [f64; 2] = [0.7, 1.25];
 /// The rear of the muscle shows on this part of the wall at least: on 0.24 and more of sound ones (real and drawn),
-/// on 0.09 and less of drawn ones with suppressed fat (of 2 to 50 %), and of 18 real ones on 0.17 and less.
+/// on 0.17 and less of those with suppressed fat (three of other people; two more 0.05, drawn ones 0.09).
 const REAR_SEEN: f64 = 0.2;
 
 /// Whether fat lies just before the wall, and muscle with fat or ribs behind it.

@@ -36,6 +36,8 @@ struct Now<'a> {
     /// Middle of each face along z, sorted, with its number; and how far the corners of any are from it.
     along: Vec<(f64, u32)>,
     widest_mm: f64,
+    /// How far (mm) a corner of a tetrahedron is from its first one along z, at most.
+    highest_mm: f64,
 }
 
 impl Skin {
@@ -85,7 +87,10 @@ impl<'a> Now<'a> {
         }
         along.sort_by(|a, b| a.0.total_cmp(&b.0));
         nodes.iter_mut().for_each(|normal| *normal = unit(*normal));
-        Self { skin, points, faces, nodes, along, widest_mm }
+        let z = |n: u32| points[n as usize].z;
+        let heights = skin.tets.iter().flat_map(|t| t.map(|n| (z(n) - z(t[0])).abs()));
+        let highest_mm = heights.fold(0.0, f64::max);
+        Self { skin, points, faces, nodes, along, widest_mm, highest_mm }
     }
 
     /// Whether a node is still over its face.
@@ -132,7 +137,9 @@ impl<'a> Now<'a> {
 
     /// Whether a point (mm) lies within a tetrahedron.
     fn is_in_tissue(&self, point: &Vec3) -> bool {
-        self.skin.tets.iter().any(|tet| {
+        let near =
+            |tet: &&[u32; 4]| (self.points[tet[0] as usize].z - point.z).abs() <= self.highest_mm;
+        self.skin.tets.iter().filter(near).any(|tet| {
             let [a, b, c, d] = tet.map(|n| self.points[n as usize] - point);
             let volumes = [
                 b.cross(&c).dot(&d),
