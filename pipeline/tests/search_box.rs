@@ -24,15 +24,15 @@ fn printed(arguments: &[&str]) -> String {
 fn runs_are_kept_and_end_in_equilibrium() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().to_str().unwrap();
-    let all = ["--out", out, "--runs", "24", "--size-mm", "18", "--stepped-every", "0"];
+    let all = ["--out", out, "--runs", "40", "--size-mm", "18", "--stepped-every", "0"];
     let none = printed(&[&all[..], &["--minutes", "0"]].concat());
-    assert!(none.starts_with("0 of 24 runs done"), "{none}");
+    assert!(none.starts_with("0 of 40 runs done"), "{none}");
     let said = printed(&all);
-    assert!(said.starts_with("24 of 24 runs done"), "{said}");
+    assert!(said.starts_with("40 of 40 runs done"), "{said}");
     let table = || fs::read_to_string(folder.path().join("runs.csv")).unwrap();
     let before = table();
     let lines: Vec<Vec<&str>> = before.lines().map(|line| line.split(',').collect()).collect();
-    assert_eq!(lines.len(), 25);
+    assert_eq!(lines.len(), 41);
     let column = |name: &str| lines[0].iter().position(|cell| *cell == name).unwrap();
     for line in &lines[1..] {
         assert_eq!(line.len(), lines[0].len(), "{line:?}");
@@ -51,7 +51,7 @@ fn runs_are_kept_and_end_in_equilibrium() {
     printed(&all);
     assert_eq!(made(&kept), first);
     let page = fs::read_to_string(folder.path().join("search-box.md")).unwrap();
-    assert!(page.contains("| in equilibrium | 24 |"), "{page}");
+    assert!(page.contains("| in equilibrium | 40 |"), "{page}");
     assert!(folder.path().join("search-box.svg").exists());
 }
 

@@ -107,13 +107,19 @@ fn bent(p: &Vec3) -> Vec3 {
 /// Verifies: force and tangent of the contact with a deformed front | fourth-order differences | 1e-7, 1e-6
 #[test]
 fn force_and_tangent_are_derivatives_of_the_energy() {
-    let blocks = blocks(2, 40.0, 3, 30.0);
-    let sphere = Sphere { center: Vec3::new(3.0, -2.0, -50.0), radius_mm: 50.0 };
-    let term = blocks.gliding(Arc::new(sphere));
-    let points: Vec<Vec3> = blocks.mesh.points.iter().map(bent).collect();
-    let memory: Vec<f64> = (0..term.elements()).map(|n| 0.7 * (1.3 * n as f64).sin()).collect();
-    let shear = vec![0.2; points.len()];
-    testing::check(&term, &state_of(&points, &memory, &shear));
+    // Before the lower block alone, and beyond its rim, too.
+    for (lower_mm, beyond) in [(40.0, 0), (20.0, 12)] {
+        let blocks = blocks(2, lower_mm, 3, 30.0);
+        let sphere = Sphere { center: Vec3::new(3.0, -2.0, -50.0), radius_mm: 50.0 };
+        let term = blocks.gliding(Arc::new(sphere));
+        let alone = (0..term.elements()).filter(|&n| term.nodes(n).len() == 1).count();
+        assert_eq!(alone, beyond);
+        assert_eq!(term.is_internal(), beyond == 0);
+        let points: Vec<Vec3> = blocks.mesh.points.iter().map(bent).collect();
+        let memory: Vec<f64> = (0..term.elements()).map(|n| 0.7 * (1.3 * n as f64).sin()).collect();
+        let shear = vec![0.2; points.len()];
+        testing::check(&term, &state_of(&points, &memory, &shear));
+    }
 }
 
 /// Verifies: forces of the contact with a deformed front on both bodies | force and moment balance, rigid motion | 1e-10, 1e-9
@@ -267,6 +273,51 @@ fn nodes_go_on_to_the_elements_that_they_come_to() {
     let drift = (0..blocks.nodes).map(along).sum::<f64>() / blocks.nodes as f64;
     println!("it is drawn along by {drift:.5} mm");
     assert!(drift.abs() < 0.01);
+}
+
+/// Verifies: a block drawn over the rim of a soft and of a stiff one | put there at once; the smooth surface at rest | 0.1 mm; 0.02 mm
+#[test]
+fn beyond_the_rim_the_smooth_surface_carries() {
+    let blocks = blocks(6, 40.0, 3, 20.0);
+    let way = Vec3::new(17.0, 7.0, 0.0);
+    let there = super_blocks(&blocks, way);
+    let gravity = Vec3::new(0.0, 0.0, -3.0);
+    let from = |young_kpa: f64, blocks: &Blocks, term: Box<dyn FnOnce(&mut Model)>| {
+        let mut model = blocks.model([young_kpa, 20.0], 0.45, gravity, false);
+        term(&mut model);
+        for (n, p) in blocks.mesh.points.iter().enumerate() {
+            // The lower block is held at its rim, the upper one at its upper edges where it comes to be.
+            if n < blocks.nodes && p.x.abs().max(p.y.abs()) > 20.0 - 1e-9 {
+                model.fix_node(n as u32);
+            } else if n >= blocks.nodes && p.z > HIGH_MM - 1e-9 {
+                model.fix(n as u32, 0);
+                model.fix(n as u32, 1);
+            }
+        }
+        solved(&model, &there.mesh.points).unwrap()
+    };
+    let apart = |one: &Solution, other: &Solution| {
+        let far = one.points.iter().zip(&other.points).map(|(a, b)| (a - b).norm());
+        far.fold(0.0, f64::max)
+    };
+    let drawn = |young_kpa| {
+        let term = blocks.on_plane();
+        from(young_kpa, &there, Box::new(move |model| model.add(term).unwrap()))
+    };
+    let mut put = super_blocks(&blocks, way);
+    put.rear.clone_from(&blocks.rear);
+    let term = put.on_plane();
+    let beyond = (0..term.elements()).filter(|&n| term.nodes(n).len() == 1).count();
+    assert!((4..=12).contains(&beyond), "{beyond}");
+    let put = from(3.0, &there, Box::new(move |model| model.add(term).unwrap()));
+    let (rear, points) = (blocks.rear.clone(), there.mesh.points.clone());
+    let rigid = Sliding::new("sliding", &points, &rear, Arc::new(PLANE));
+    let rigid = from(3.0, &there, Box::new(move |model| model.add(rigid).unwrap()));
+    let upper =
+        |found: Solution| Solution { points: found.points[blocks.nodes..].to_vec(), ..found };
+    let (soft, stiff) = (apart(&drawn(3.0), &put), apart(&upper(drawn(2e4)), &upper(rigid)));
+    println!("soft {soft:.4} mm, stiff {stiff:.4} mm apart");
+    assert!(soft < 0.1 && stiff < 0.02, "{soft} {stiff}");
 }
 
 /// The same blocks, the upper one elsewhere.

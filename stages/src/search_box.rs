@@ -6,7 +6,8 @@
 //! come in all combinations, equally often.
 
 use crate::{
-    model::Moduli,
+    mesh::soft_max,
+    model::{Body, Moduli, Muscle, THINNEST_MM},
     volunteer::{PoseName, Preset, Torso, mechanics::TruthBody, model_plan},
 };
 use mammotwin_data::{
@@ -58,11 +59,16 @@ pub enum Wall {
     Sliding,
     /// Slides against friction of 0.1, never lifting off.
     Rubbing,
+    /// Glued to a muscle that gives way.
+    OnMuscle,
+    /// Slides without friction on a muscle that gives way, never lifting off.
+    SlidingOnMuscle,
 }
 
 impl Wall {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Bonded, Self::Sliding, Self::Rubbing];
+    pub const ALL: [Self; 5] =
+        [Self::Bonded, Self::Sliding, Self::Rubbing, Self::OnMuscle, Self::SlidingOnMuscle];
 
     /// Word in tables.
     pub fn name(self) -> &'static str {
@@ -70,15 +76,23 @@ impl Wall {
             Self::Bonded => "bonded",
             Self::Sliding => "sliding",
             Self::Rubbing => "friction 0.1",
+            Self::OnMuscle => "bonded, muscle of 10 kPa",
+            Self::SlidingOnMuscle => "sliding, muscle of 10 kPa",
         }
     }
 
     fn plan(self) -> InterfacePlan {
         match self {
-            Self::Bonded => InterfacePlan::uniform(InterfaceKind::Bonded, None),
-            Self::Sliding => InterfacePlan::uniform(InterfaceKind::NoSeparation, Some(0.0)),
+            Self::Bonded | Self::OnMuscle => InterfacePlan::uniform(InterfaceKind::Bonded, None),
+            Self::Sliding | Self::SlidingOnMuscle => {
+                InterfacePlan::uniform(InterfaceKind::NoSeparation, Some(0.0))
+            }
             Self::Rubbing => InterfacePlan::uniform(InterfaceKind::NoSeparation, Some(0.1)),
         }
+    }
+
+    fn gives_way(self) -> bool {
+        matches!(self, Self::OnMuscle | Self::SlidingOnMuscle)
     }
 }
 
@@ -161,6 +175,7 @@ pub fn design(runs: usize, stepped_every: usize, seed: u64) -> Vec<Case> {
 /// A shape, meshed at rest, with its supports.
 pub struct Shape {
     body: TruthBody,
+    muscled: Muscled,
     plan: ModelPlan,
     /// How far (mm) the breasts stand out from the muscle.
     pub height_mm: f64,
@@ -175,13 +190,37 @@ impl Shape {
         let torso = Torso::new(Preset::named(SHAPES[shape])?, PERSON);
         let meshing = MeshPlan { size_mm, elements: Elements::Linear };
         let body = TruthBody::new(&torso, meshing, &Silent)?;
+        let muscled = Muscled::new(&torso, &body);
         let (plan, height_mm) = (model_plan(&torso.person), torso.person.breast.projection_mm);
-        Ok(Self { body, plan, height_mm })
+        Ok(Self { body, muscled, plan, height_mm })
     }
 
     /// Number of tetrahedra.
     pub fn tets(&self) -> usize {
         self.body.mesh.tets.len()
+    }
+}
+
+/// The same breast before a muscle that gives way, which is without stress where the breast is.
+struct Muscled {
+    /// Stress-free.
+    rest: Vec<Vec3>,
+    /// In the pose to which supports are tied.
+    reference: TetMesh,
+    muscle: Muscle,
+}
+
+impl Muscled {
+    fn new(torso: &Torso, body: &TruthBody) -> Self {
+        let mut rest = body.mesh.clone();
+        let plan = model_plan(&torso.person);
+        let (wall, breasts) = (body.body(&plan).wall, body.mesh.points.len());
+        let muscle = Muscle::behind(&mut rest, |p| {
+            (soft_max(torso.rib_cage(p), THINNEST_MM, THINNEST_MM), -wall.distance(p).1)
+        });
+        let mut reference = body.body(&plan).mesh.clone();
+        reference.points.extend_from_slice(&rest.points[breasts..]);
+        Self { rest: rest.points, reference, muscle }
     }
 }
 
@@ -284,8 +323,13 @@ impl Case {
         (plan.skin.young_kpa, plan.fascia.young_kpa) = (self.skin_kpa, self.fascia_kpa);
         plan.interface = self.wall.plan();
         let moduli = Moduli::new(self.breast_kpa, self.breast_kpa);
-        let body = shape.body.body(&plan);
-        let rest = &shape.body.mesh.points;
+        plan.muscle.rigid = !self.wall.gives_way();
+        let (mut body, mut rest) = (shape.body.body(&plan), &shape.body.mesh.points);
+        if self.wall.gives_way() {
+            let Muscled { rest: with_muscle, reference, muscle } = &shape.muscled;
+            body = Body { mesh: reference, muscle: Some(muscle), ..body };
+            rest = with_muscle;
+        }
         let model = body.model(rest, moduli, self.pose().gravity(), None)?;
         let options = Options::default();
         let weight = self.weight(shape.height_mm, plan.density_g_per_cm3);
@@ -365,11 +409,11 @@ mod tests {
 
     #[test]
     fn every_stratum_and_combination_is_drawn_equally_often() {
-        let cases = design(96, 4, 1);
-        assert_eq!(cases, design(96, 4, 1));
-        assert_ne!(cases, design(96, 4, 2));
+        let cases = design(160, 4, 1);
+        assert_eq!(cases, design(160, 4, 1));
+        assert_ne!(cases, design(160, 4, 2));
         let mut breast: Vec<f64> =
-            cases.iter().map(|c| 96.0 * (c.breast_kpa / 0.2).ln() / 20f64.ln()).collect();
+            cases.iter().map(|c| 160.0 * (c.breast_kpa / 0.2).ln() / 20f64.ln()).collect();
         breast.sort_by(f64::total_cmp);
         // Moduli are written with four digits.
         assert!(breast.iter().enumerate().all(|(n, b)| (b - n as f64 - 0.5).abs() < 0.52));

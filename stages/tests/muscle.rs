@@ -149,7 +149,7 @@ fn a_stiff_muscle_is_a_rigid_wall_and_a_soft_one_gives_way() {
     assert!(soft_skin > 0.1 && soft_front > 0.1, "{changes:?}");
 }
 
-/// Verifies: breast that slides on a muscle of 1e4 kPa in the prone pose and in compression | the same on the rigid chest wall; stress-free shapes are found to 0.1 mm (rms; 0.05 is asked and missed) | skin 0.5 mm, 0.1 mm rms; force 2 %
+/// Verifies: breast that slides on a muscle of 1e4 kPa in the prone pose and in compression | the same on the rigid chest wall; stress-free shapes are found to 0.05 mm (rms) | skin 0.5 mm, 0.1 mm rms; force 2 %
 #[test]
 fn a_breast_slides_on_a_stiff_muscle_as_on_a_rigid_wall() {
     slides_on(1e4);
@@ -189,8 +189,7 @@ fn slides_on(young_kpa: f64) {
         squeezed.solution.checks
     );
     let balance = one.checks.force_imbalance.max(one.checks.moment_imbalance);
-    // A node at the muscle's border that goes to and fro ends the search: 0.064 and 0.058 mm.
-    assert!(balance < 1e-4 && found_rms < 0.1, "{balance:e} {found_rms}");
+    assert!(balance < 1e-4 && found_rms < 0.05, "{balance:e} {found_rms}");
     if young_kpa < 1e3 {
         assert!(on_skin[0] > 0.1, "{on_skin:?}");
     } else {

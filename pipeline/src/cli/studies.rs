@@ -257,7 +257,7 @@ equilibrium. Each run is kept when it is done: a study that was cut short goes o
 
 Examples:
   mammotwin study search-box --out runs/search-box
-  mammotwin study search-box --runs 24 --size-mm 15 --minutes 10";
+  mammotwin study search-box --runs 40 --size-mm 15 --minutes 10";
 
 /// The study of the search box.
 #[derive(Debug, Clone, Args)]
@@ -265,7 +265,7 @@ pub struct SearchBoxArguments {
     /// Folder with the runs and the results
     #[arg(long, value_name = "DIR", default_value = "runs/search-box")]
     pub out: PathBuf,
-    /// Number of runs; a multiple of 24 has all combinations equally often
+    /// Number of runs; a multiple of 40 has all combinations equally often
     #[arg(long, value_name = "N", default_value_t = 216)]
     pub runs: usize,
     /// Seed of the design

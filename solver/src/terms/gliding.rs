@@ -12,7 +12,8 @@
 //! the normal all is as in [`super::contact`].
 //!
 //! The tetrahedron of a point is kept during a minimisation; afterwards a point that has left it by more
-//! than a twentieth of a face goes on to the next one (see [`Term::moved_on`]). At a rim without a next one it stays.
+//! than a twentieth of a face goes on to the next one (see [`Term::moved_on`]). Beyond the rim, where there is no
+//! next one, the front goes on as its smooth shape does, at rest: d = φ(x). Held at its rim, it has no step there.
 
 use super::contact::{Contact, Touch};
 use super::{
@@ -107,21 +108,32 @@ impl Front {
         })
     }
 
-    /// The face that a point (mm) at `x` is over, from a face near it.
-    fn walk(&self, from: u32, x: &Vec3, points: &[Vec3]) -> u32 {
-        let mut face = from;
+    /// What a point (mm) at `x` is over, from a face near it.
+    fn walk(&self, from: u32, x: &Vec3, points: &[Vec3]) -> Over {
+        let mut at = Over { face: from, beyond: false };
         for _ in 0..LONGEST_WAY {
-            let Some(look) = self.look(face, x, points) else { return face };
-            let [a, b, c, _] = self.corners(face, &self.places);
+            let Some(look) = self.look(at.face, x, points) else { break };
+            let [a, b, c, _] = self.corners(at.face, &self.places);
             let parts = over_face([a, b, c], &look.place);
-            let least = (0..3).min_by(|&m, &n| parts[m].total_cmp(&parts[n])).unwrap_or(0);
-            match self.next[face as usize][least] {
-                Some(next) if parts[least] < BEYOND => face = next,
-                _ => return face,
+            let left = |n: &usize| parts[*n] < BEYOND;
+            at.beyond = (0..3).any(|n| left(&n));
+            let next =
+                (0..3).filter(left).filter_map(|n| Some((n, self.next[at.face as usize][n]?)));
+            match next.min_by(|(m, _), (n, _)| parts[*m].total_cmp(&parts[*n])) {
+                Some((_, next)) => at.face = next,
+                None => break,
             }
         }
-        face
+        at
     }
+}
+
+/// What a point is over.
+#[derive(Clone, Copy, PartialEq)]
+struct Over {
+    /// A face of the front, the last one before its rim where the point is beyond that.
+    face: u32,
+    beyond: bool,
 }
 
 /// An edge, the smaller node first.
@@ -155,9 +167,9 @@ pub struct Gliding {
     name: String,
     contact: Contact,
     front: Arc<Front>,
-    /// The face of the front that each node is over.
-    over: Vec<u32>,
-    /// Each node and those of the tetrahedron under it.
+    /// What each node is over.
+    over: Vec<Over>,
+    /// Each node and those of the tetrahedron under it, or under the rim that it is beyond.
     touched: Vec<[u32; 5]>,
 }
 
@@ -191,8 +203,8 @@ impl Gliding {
     }
 
     fn touching_nodes(&self) -> Vec<[u32; 5]> {
-        let one = |(&node, &face): (&u32, &u32)| {
-            let [a, b, c, d] = self.front.tets[face as usize];
+        let one = |(&node, over): (&u32, &Over)| {
+            let [a, b, c, d] = self.front.tets[over.face as usize];
             [node, a, b, c, d]
         };
         self.contact.nodes.iter().zip(&self.over).map(one).collect()
@@ -200,12 +212,16 @@ impl Gliding {
 
     fn look(&self, element: usize, points: &[Vec3]) -> Option<Look> {
         let x = &points[self.contact.nodes[element] as usize];
-        self.front.look(self.over[element], x, points)
+        self.front.look(self.over[element].face, x, points)
     }
 
     /// What the contact's law sees: distance and its derivatives by the point alone.
     fn touch(&self, element: usize, points: &[Vec3]) -> Touch {
         let place = points[self.contact.nodes[element] as usize];
+        if self.over[element].beyond {
+            let (distance, normal, curvature) = self.front.target.distance(&place);
+            return Touch { distance, normal, curvature, place };
+        }
         match self.look(element, points) {
             Some(look) => {
                 let (distance, slope, curvature) = self.front.target.distance(&look.place);
@@ -234,11 +250,12 @@ impl Term for Gliding {
     }
 
     fn nodes(&self, element: usize) -> &[u32] {
-        &self.touched[element]
+        let nodes = &self.touched[element];
+        if self.over[element].beyond { &nodes[..1] } else { nodes }
     }
 
     fn is_internal(&self) -> bool {
-        true
+        self.over.iter().all(|over| !over.beyond)
     }
 
     fn block(
@@ -249,6 +266,10 @@ impl Term for Gliding {
         block: &mut Block,
     ) -> Result<(), MaterialError> {
         let touch = self.touch(element, at.points);
+        if self.over[element].beyond {
+            self.contact.block(element, at, order, block, &touch);
+            return Ok(());
+        }
         let Some(look) = self.look(element, at.points) else { return Ok(()) };
         // How the distance to the tetrahedron's own place of the point answers to each node.
         let [a, b, c, d] = look.weights;
@@ -274,8 +295,9 @@ impl Term for Gliding {
     }
 
     fn keep_to_surface(&self, from: &At, step: &[Vec3], points: &mut [Vec3]) {
-        for (element, nodes) in self.touched.iter().enumerate() {
-            let Some(look) = self.look(element, from.points) else { continue };
+        for element in 0..self.touched.len() {
+            let (nodes, look) = (self.nodes(element), self.look(element, from.points));
+            let Some(look) = look else { continue };
             let (start, end) = (self.touch(element, from.points), self.touch(element, points));
             let carried: Vec3 =
                 nodes[1..].iter().zip(look.weights).map(|(&n, w)| w * step[n as usize]).sum();
@@ -300,9 +322,10 @@ impl Term for Gliding {
     }
 
     fn moved_on(&self, points: &[Vec3]) -> Option<Arc<dyn Term>> {
-        let on =
-            |(&node, &face): (&u32, &u32)| self.front.walk(face, &points[node as usize], points);
-        let over: Vec<u32> = self.contact.nodes.iter().zip(&self.over).map(on).collect();
+        let on = |(&node, over): (&u32, &Over)| {
+            self.front.walk(over.face, &points[node as usize], points)
+        };
+        let over: Vec<Over> = self.contact.nodes.iter().zip(&self.over).map(on).collect();
         if over == self.over {
             return None;
         }
@@ -317,8 +340,12 @@ impl Term for Gliding {
 
     fn above(&self, element: usize, points: &[Vec3]) -> Option<(f64, Vec3)> {
         let x = &points[self.contact.nodes[element] as usize];
-        let face = self.front.walk(self.over[element], x, points);
-        let look = self.front.look(face, x, points)?;
+        let over = self.front.walk(self.over[element].face, x, points);
+        if over.beyond {
+            let (distance, normal, _) = self.front.target.distance(x);
+            return Some((distance, normal));
+        }
+        let look = self.front.look(over.face, x, points)?;
         let (distance, slope, _) = self.front.target.distance(&look.place);
         Some((distance, look.pull.transpose() * slope))
     }

@@ -128,7 +128,7 @@ impl Iterate {
         let solution = from(&model, start, &options.solve, &Silent)?;
         let gap: Vec<Vec3> =
             known.iter().zip(&solution.points).map(|(want, got)| want - got).collect();
-        let miss = Miss::of(&gap);
+        let miss = Miss::of(&gap[..options.counted.min(gap.len())]);
         let mut step = gap;
         if options.method == Method::Inverse {
             let pulls = pull_back(&model, &rest, &solution.points);

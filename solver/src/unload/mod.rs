@@ -46,6 +46,9 @@ pub struct Options {
     pub acceptable_mm: f64,
     /// Equilibria that may be computed.
     pub max_iterations: usize,
+    /// How many of the first nodes the distances are of: not those of a muscle behind the breast, whose small ones would
+    /// hide the breast's.
+    pub counted: usize,
     /// Past iterations that the mixing of the fixed point looks at.
     pub memory: usize,
     /// Of each equilibrium.
@@ -59,6 +62,7 @@ impl Default for Options {
             tolerance_mm: 0.05,
             acceptable_mm: 1.0,
             max_iterations: 20,
+            counted: usize::MAX,
             memory: 4,
             solve: solve::Options::default(),
         }

@@ -153,17 +153,9 @@ impl<'a> Experiment<'a> {
             };
             poses.push(target.facing(solution)?);
         }
-        let miss = match body.muscle {
-            None => found.miss,
-            // Of the breasts alone.
-            Some(muscle) => {
-                let breasts = muscle.first as usize;
-                unload::Miss::between(&found.loaded.points[..breasts], &loaded[..breasts])
-            }
-        };
         let round_trip = RoundTrip {
-            rms_mm: miss.rms_mm,
-            max_mm: miss.max_mm,
+            rms_mm: found.miss.rms_mm,
+            max_mm: found.miss.max_mm,
             off_wall_mm: found.off_surface_mm,
         };
         let mut rest = found.rest;
@@ -182,7 +174,8 @@ impl<'a> Experiment<'a> {
         let loaded = &body.mesh.points;
         let gravity = self.targets[0].gravity;
         let model = |rest: &[Vec3]| body.model(rest, moduli, gravity, None);
-        let options = &unload::Options { method, ..unload::Options::default() };
+        let counted = body.muscle.map_or(usize::MAX, |muscle| muscle.first as usize);
+        let options = &unload::Options { method, counted, ..unload::Options::default() };
         let guess = match (near, method) {
             (Some(fit), _) => fit.rest.clone(),
             (None, unload::Method::Inverse) => loaded.clone(),

@@ -198,7 +198,8 @@ impl Muscle {
                 model.hold(own, reference[own as usize]);
             }
         }
-        // The muscle goes on beyond the cuts, and moves along them alone.
+        // The muscle goes on beyond the cuts: glued, it moves along them alone; where the breast slides past
+        // them on what is at rest there, it rests, too.
         for (cut, axis) in [
             (Patch::Superior, 2),
             (Patch::Inferior, 2),
@@ -207,9 +208,13 @@ impl Muscle {
         ] {
             for wall in body.mesh.patch_nodes(cut) {
                 let Ok(column) = self.wall.binary_search(&wall) else { continue };
-                let front = if bonded(wall) { wall } else { self.node(column, 0) };
-                for node in [front].into_iter().chain((1..LAYERS).map(|n| self.node(column, n))) {
-                    model.fix(node, axis);
+                let within = (1..LAYERS).map(|n| self.node(column, n));
+                if bonded(wall) {
+                    [wall].into_iter().chain(within).for_each(|node| model.fix(node, axis));
+                    continue;
+                }
+                for node in [self.node(column, 0)].into_iter().chain(within) {
+                    model.hold(node, reference[node as usize]);
                 }
             }
         }

@@ -92,8 +92,9 @@ pub fn markdown(runs: &Runs, arguments: &SearchBoxArguments) -> String {
          --stepped-every {stepped_every}`. \
          Does every set of tissues that a calibration may meet end in equilibrium? A Latin hypercube over breast \
          0.2 - 4, skin 2 - 20, fascia 50 - 250 kPa, ν 0.45 - 0.499 and Jₘ 1 to none (Gent; neo-Hookean for none), in \
-         all combinations of two shapes ({}), four poses and three chest walls: bonded, sliding without friction \
-         and against friction of 0.1, both never lifting off. The muscle is rigid. Each run loads the stress-free \
+         all combinations of two shapes ({}), four poses and five chest walls: bonded to a rigid muscle, sliding on it without \
+         friction and against friction of 0.1, bonded to a muscle of 10 kPa, and sliding on that without friction; nothing that \
+         slides lifts off. Each run loads the stress-free \
          shape with all of gravity at once.\n\n",
         SHAPES.join(", ")
     );
@@ -164,7 +165,7 @@ pub fn markdown(runs: &Runs, arguments: &SearchBoxArguments) -> String {
     faults(&mut page, runs);
     let _ = writeln!(
         page,
-        "\n## Not in it\n\n- a deformable muscle;\n- quadratic elements, and other meshes than \
+        "\n## Not in it\n\n- friction on a muscle that gives way;\n- quadratic elements, and other meshes than \
          these;\n- remeshing: runs whose elements are stretched beyond skewness {SKEWNESS} say so and go on."
     );
     page
