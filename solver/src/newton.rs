@@ -7,10 +7,13 @@
 //! curvature with long strides, where a Hessian made convex element by element creeps. A step that
 //! inverts an element or passes a limiting stretch has infinite energy and is shortened.
 
+mod convexity;
+
 use crate::assemble::{Assembly, AssemblyError, EnergyError, State, moved::Moved};
 use crate::linear::Ldlt;
 use crate::model::Model;
 use crate::terms::{At, Curvature, Load};
+use convexity::{Convexity, GREATEST_SHARE, stride};
 use mammotwin_data::Vec3;
 
 /// When a minimum is found, and when the search is given up.
@@ -51,6 +54,8 @@ pub enum NewtonError {
 /// Line search: sufficient decrease, and the shortest step.
 const ARMIJO: f64 = 1e-4;
 const SHORTEST: f64 = 1e-6;
+/// Least part of a step that is kept for contacts to stay near to what they touch.
+const NEAREST: f64 = 0.01;
 /// Energy differences below this fraction of the energy exchanged are rounding.
 const ROUNDING: f64 = 1e-13;
 /// Part of a load step over which the change of forces is differenced.
@@ -64,63 +69,14 @@ const NOTHING: f64 = 1e-9;
 ///
 /// Rounding leaves 1.4e-6 mN on a body of 200 mm with skin of 10 kPa that nothing loads.
 const LEAST_FORCE: f64 = 1000.0;
-/// Least and greatest share of the convex stiffness that is added, and how it grows and fades.
-const LEAST_SHARE: f64 = 1e-3;
-const GREATEST_SHARE: f64 = 1e5;
-const GROWTH: f64 = 4.0;
-const MOST_AT_ONCE: usize = 16;
-const FADING: f64 = 2.0;
-const FAST_FADING: f64 = 16.0;
-/// Most iterations with the least share before none is tried again.
-const LONGEST_WAIT: usize = 8;
 
-/// The share of the convex stiffness that is added, from one iteration to the next.
-#[derive(Debug, Clone, Copy, Default)]
-struct Convexity {
-    share: f64,
-    /// The share that the last step beyond the convex needed.
-    needed: f64,
-    /// Iterations until none is tried again, and how many there were the last time.
-    wait: usize,
-    waited: usize,
-}
-
-impl Convexity {
-    /// After a direction that does not go down; of a body with many directions in which it is not
-    /// convex (`excess`) the worst needs more.
-    fn raise(&mut self, excess: usize) {
-        let more = excess.clamp(1, MOST_AT_ONCE) as f64;
-        if self.share == 0.0 {
-            self.share = f64::max(more * LEAST_SHARE, self.needed / GROWTH);
-            self.waited = (2 * self.waited).clamp(1, LONGEST_WAIT);
-            self.wait = self.waited;
-        } else {
-            self.share *= more * GROWTH;
-        }
-    }
-
-    /// After a step down, of full length or shortened.
-    fn lower(&mut self, full: bool) {
-        if self.share == 0.0 {
-            (self.needed, self.waited) = (self.needed / FADING, 0);
-            return;
-        }
-        self.needed = self.share;
-        self.share /= if full { FAST_FADING } else { FADING };
-        if self.share < LEAST_SHARE {
-            self.share = if self.wait == 0 { 0.0 } else { LEAST_SHARE };
-        }
-        self.wait = self.wait.saturating_sub(1);
-    }
-}
-
-/// Where the energy is not convex, no node goes farther than this (mm) in one step, so that a body
-/// past a point of buckling comes to the next minimum and not to one beyond.
-const STRIDE_MM: f64 = 4.0;
-
-/// Length of a step along a direction that brings the node that goes farthest to the limit.
-fn stride(direction: &[Vec3]) -> f64 {
-    STRIDE_MM / direction.iter().map(|d| d.norm()).fold(f64::MIN_POSITIVE, f64::max)
+/// How a minimisation ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// At a minimum.
+    Minimum,
+    /// Lower, where contacts have to look anew at what they touch ([`crate::terms::Term::is_near`]).
+    Away,
 }
 
 /// Buffers and factors that live through many minimisations of one model.
@@ -184,7 +140,7 @@ impl Newton {
         Ok(())
     }
 
-    /// Moves `state` to a minimum of the energy; `first` are the second derivatives of the first iteration. On failure
+    /// Moves `state` to a minimum of the energy, or as near to it as contacts know what they touch; `first` are the second derivatives of the first iteration. On failure
     /// the state is the lowest one reached.
     ///
     /// # Errors
@@ -195,7 +151,7 @@ impl Newton {
         state: &mut State,
         options: &NewtonOptions,
         first: Curvature,
-    ) -> Result<(), NewtonError> {
+    ) -> Result<End, NewtonError> {
         // From within the pool its loops need not be handed over to another thread.
         rayon::scope(|_| self.descend(model, state, options, first))
     }
@@ -206,7 +162,7 @@ impl Newton {
         state: &mut State,
         options: &NewtonOptions,
         first: Curvature,
-    ) -> Result<(), NewtonError> {
+    ) -> Result<End, NewtonError> {
         self.iterations = 0;
         self.follow(model, state)?;
         let mut pressure = Vec::new();
@@ -223,11 +179,11 @@ impl Newton {
             self.derivatives(model, state, curvature)?;
             let (node, unbalanced) = self.unbalanced();
             if unbalanced <= options.residual * scale {
-                return Ok(());
+                return Ok(End::Minimum);
             }
             let mut ran_into = None;
             let mut shifted = false;
-            let (lower, length) = loop {
+            let (lower, length, away) = loop {
                 let share = convexity.share;
                 if share > 0.0 && curvature == Curvature::Exact {
                     curvature = Curvature::Convex;
@@ -240,13 +196,16 @@ impl Newton {
                 if let Some(direction) = self.direction(share) {
                     let nearly = unbalanced <= NEARLY * options.residual * scale;
                     if nearly && -self.slope(&direction) <= self.rounding(energy, &direction) {
-                        return Ok(());
+                        return Ok(End::Minimum);
                     }
                     let longest = if share > 0.0 { stride(&direction) } else { 1.0 };
-                    match self.search(model, state, energy, &direction, longest) {
-                        Ok(found) => break found,
+                    let near = self.near(model, state, &direction, longest);
+                    match self.search(model, state, energy, &direction, near) {
+                        Ok((energy, length)) => {
+                            break (energy, length, length >= near && near < longest);
+                        }
                         // Stiff tissue at rest: its energy is too small for `rounding` to tell.
-                        Err(_) if nearly => return Ok(()),
+                        Err(_) if nearly => return Ok(End::Minimum),
                         Err(cause) => {
                             tracing::trace!(share, longest, ?cause, "no step goes down");
                             ran_into = cause;
@@ -272,6 +231,9 @@ impl Newton {
                 length,
                 "newton"
             );
+            if away {
+                return Ok(End::Away);
+            }
             convexity.lower(length >= 1.0);
         }
         Err(NewtonError::Slow { node: self.unbalanced().0 })
@@ -372,6 +334,24 @@ impl Newton {
         let known = self.system.factor_sum(&self.values, 0.0, &[]).is_ok();
         let negative = if known { self.system.negative_pivots() } else { 0 };
         negative.saturating_sub(self.assembly.pressures())
+    }
+
+    /// The longest step along a direction, at most `longest`, on which contacts stay near to what they touch.
+    fn near(&self, model: &Model, state: &State, direction: &[Vec3], longest: f64) -> f64 {
+        let at = |length: f64| {
+            let step = direction.iter().map(|d| length * d);
+            state.points.iter().zip(step).map(|(p, d)| p + d).collect::<Vec<Vec3>>()
+        };
+        let terms = state.terms(model);
+        let mut length = longest;
+        while length > NEAREST * longest {
+            let points = at(length);
+            if terms.iter().all(|term| term.is_near(&points)) {
+                break;
+            }
+            length *= 0.5;
+        }
+        length
     }
 
     fn slope(&self, direction: &[Vec3]) -> f64 {

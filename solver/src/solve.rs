@@ -11,7 +11,7 @@ mod near;
 use crate::assemble::{AssemblyError, State};
 use crate::held;
 use crate::model::{Model, ModelError};
-use crate::newton::{Newton, NewtonError, NewtonOptions};
+use crate::newton::{End, Newton, NewtonError, NewtonOptions};
 use crate::terms::{Curvature, Load};
 use failure::{Failure, stopped};
 use mammotwin_data::{
@@ -380,7 +380,11 @@ fn balance(
         let found = newton.minimise(model, state, &options.newton, first);
         first = Curvature::Exact;
         counts.iterations += newton.iterations();
-        found.map_err(Failure::Newton)?;
+        if found.map_err(Failure::Newton)? == End::Away {
+            moves += 1;
+            state.moves_on(model);
+            continue;
+        }
         let contact = state.contact(model);
         tracing::debug!(?contact, load = ?state.load, "contact after a minimum");
         let open = contact.open_mm();

@@ -10,8 +10,8 @@ use crate::{
     surface::PoseSurfaces,
 };
 use mammotwin_data::{
-    Failure, Vec3, io::hdf5, labels::Side, mesh::Patch, progress::Silent, solution::Solution,
-    surface::TriMesh,
+    Failure, Vec3, io::hdf5, labels::Side, mesh::Patch, progress::Silent, rigid::RigidTransform,
+    solution::Solution, surface::TriMesh,
 };
 use mammotwin_solver::{
     Options,
@@ -33,6 +33,8 @@ pub struct PoseTarget {
     pub pose: String,
     /// Unit vector of gravity.
     pub gravity: Vec3,
+    /// From the pose's image to the reference pose's frame.
+    motion: RigidTransform,
     measured: Arc<MeasuredSkin>,
     /// The simulated skin's triangles, and the nodes that are compared.
     faces: Vec<[u32; 3]>,
@@ -106,15 +108,22 @@ impl PoseTarget {
         }
         let index = SurfaceIndex::new(&skin)
             .map_err(|cause| Failure::BadInput(format!("{pose}: measured skin: {cause}")))?;
-        Ok(Self::of(pose, registered.gravity, Arc::new(MeasuredSkin { skin, index }), mesh))
+        let (gravity, motion) = (registered.gravity, registered.transform);
+        Ok(Self::of(pose, gravity, motion, Arc::new(MeasuredSkin { skin, index }), mesh))
     }
 
     /// The same measured surface for another mesh of the body.
     pub fn on(&self, mesh: &BreastMesh) -> Self {
-        Self::of(&self.pose, self.gravity, self.measured.clone(), mesh)
+        Self::of(&self.pose, self.gravity, self.motion, self.measured.clone(), mesh)
     }
 
-    fn of(pose: &str, gravity: Vec3, measured: Arc<MeasuredSkin>, mesh: &BreastMesh) -> Self {
+    fn of(
+        pose: &str,
+        gravity: Vec3,
+        motion: RigidTransform,
+        measured: Arc<MeasuredSkin>,
+        mesh: &BreastMesh,
+    ) -> Self {
         let cuts: Vec<Vec3> =
             [Patch::Superior, Patch::Inferior, Patch::LateralRight, Patch::LateralLeft]
                 .iter()
@@ -133,7 +142,7 @@ impl PoseTarget {
             }
         }
         let faces = mesh.mesh.patch(Patch::Skin).to_vec();
-        Self { pose: pose.into(), gravity, measured, faces, active, sides }
+        Self { pose: pose.into(), gravity, motion, measured, faces, active, sides }
     }
 
     /// Side of each node that is compared.
@@ -200,7 +209,8 @@ impl PoseTarget {
         start: &[Vec3],
         near: bool,
     ) -> Result<Solution, Failure> {
-        let model = body.model(rest, moduli, self.gravity, None)?;
+        let mut model = body.model(rest, moduli, self.gravity, None)?;
+        body.keep_off_arms(&mut model, &self.pose, &self.motion)?;
         let from = if near { solve_near } else { solve };
         let solution = from(&model, start, &Options::default(), &Silent)
             .map_err(|cause| Failure::Numerics(format!("{}: {cause}", self.pose)))?;

@@ -1,13 +1,25 @@
-//! The fold under a large, soft breast of a person who stands: skin on skin.
+//! What skin keeps off: other skin, in the fold under a large, soft breast of a person who stands, and an arm.
 
+use crate::common::{field_of_view, labels, torso};
 use mammotwin_data::{
+    Vec3,
+    mesh::Patch,
     progress::Silent,
+    rigid::RigidTransform,
     solution::Solution,
-    study::{Elements, MeshPlan},
+    store::Stage,
+    study::{ArmPlan, Elements, MeshPlan},
 };
 use mammotwin_solver::{Options, solve, solve_near};
-use mammotwin_stages::model::{Moduli, skin_through_skin};
-use mammotwin_stages::volunteer::{PoseName, Preset, Torso, mechanics::TruthBody, model_plan};
+use mammotwin_stages::{
+    mesh::Mesh,
+    model::{Body, Moduli, skin_through_skin},
+    pose::PoseTarget,
+    register::Registered,
+    surface::Surface,
+    volunteer::{PoseName, Preset, Torso, mechanics::TruthBody, model_plan},
+};
+use std::collections::BTreeMap;
 
 /// Volunteer `large` with the abdomen under her breasts: her own limits end above it.
 struct Standing {
@@ -91,4 +103,64 @@ fn contact_changes_only_what_touches_and_does_not_depend_on_the_way() {
         assert_eq!(standing.through_mm(&pushed), 0.0);
         assert!(apart < alike_mm, "{apart}");
     }
+}
+
+/// Verifies: a prone breast, volunteer `tiny`, beside an arm that would be 8 mm deep in it | skin out of the arm, its force borne, the same in another frame of the pose's image | 0.05 mm, 1e-6, 1e-4 mm
+#[test]
+fn skin_keeps_off_an_arm() {
+    let torso = torso("tiny", 1);
+    let labels = labels(&torso, &field_of_view(&torso, [2.5; 3]));
+    let size = MeshPlan { size_mm: 15.0, elements: Elements::Linear };
+    let mesh = Mesh(size).run(&labels, &Silent).unwrap();
+    let surfaces = Surface::default().run(&labels, &Silent).unwrap();
+    let plan = model_plan(&torso.person);
+    let moduli = Moduli::new(0.4, 0.4);
+    let rest = &mesh.mesh.points;
+    // Her chest lies otherwise in the image of the pose than in the reference pose.
+    let about = Vec3::new(20.0, -10.0, 5.0);
+    let motion =
+        RigidTransform::about(&about, &Vec3::new(0.2, -0.3, 0.4), &Vec3::new(7.0, -3.0, 11.0));
+    let target = |transform: RigidTransform| {
+        let gravity = PoseName::Prone.gravity();
+        let registered = Registered { transform, ..Registered::reference(gravity) };
+        let mut moved = surfaces.clone();
+        let back = transform.inverse();
+        moved.skin.points.iter_mut().for_each(|p| *p = back.point(p));
+        PoseTarget::new("prone", &mesh, &registered, &moved).unwrap()
+    };
+    let still = target(RigidTransform::identity());
+    let free = still.load(&Body::new(&mesh, &plan), rest, moduli, rest, false).unwrap();
+    // Across the front of the right breast, from its side.
+    let skin = mesh.mesh.patch_nodes(Patch::Skin);
+    let aside = (Vec3::y() + Vec3::x() * mesh.anatomy.breasts[0].center.x.signum()).normalize();
+    let along = |n: &u32| aside.dot(&free.points[*n as usize]);
+    let first = skin.iter().max_by(|a, b| along(a).total_cmp(&along(b))).unwrap();
+    let (radius_mm, deep_mm) = (40.0, 8.0);
+    let axis = free.points[*first as usize] + (radius_mm - deep_mm) * aside;
+    let ends = [-60.0, 60.0].map(|z| axis + Vec3::z() * z);
+    let with_arm = |transform: RigidTransform| {
+        let [from_mm, to_mm] = ends.map(|end| transform.inverse().point(&end).into());
+        let mut plan = plan.clone();
+        let arm = ArmPlan { from_mm, to_mm, radius_mm };
+        plan.arms = BTreeMap::from([("prone".into(), vec![arm]), ("other".into(), vec![arm])]);
+        target(transform).load(&Body::new(&mesh, &plan), rest, moduli, rest, false).unwrap()
+    };
+    let kept = with_arm(RigidTransform::identity());
+    let deep = |found: &Solution| {
+        let off = |n: &u32| {
+            let p = found.points[*n as usize] - axis;
+            radius_mm - (p - Vec3::z() * p.z.clamp(-60.0, 60.0)).norm()
+        };
+        skin.iter().map(off).fold(f64::MIN, f64::max)
+    };
+    let (before, after) = (deep(&free), deep(&kept));
+    let moved = apart_mm(&free, &kept);
+    println!(
+        "{before:.2} mm deep, {after:.4} mm with contact, moved by {moved:.1} mm: {:?}",
+        kept.checks
+    );
+    assert!(before > 7.9 && after < 0.05, "{before} {after}");
+    assert!(kept.checks.residual < 1e-6 && kept.checks.force_imbalance < 1e-6);
+    assert!(kept.forces["arm_1"].dot(&aside) < -10.0, "{:?}", kept.forces);
+    assert!(apart_mm(&kept, &with_arm(motion)) < 1e-4);
 }

@@ -3,6 +3,7 @@
 //! Unknown keys are refused by serde; `validate` refuses implausible values. Paths are relative
 //! to the folder of the study file.
 
+mod arm;
 mod clamp;
 mod compression;
 mod design;
@@ -20,6 +21,7 @@ mod validate_mammogram;
 mod validate_paddles;
 mod wording;
 
+pub use arm::ArmPlan;
 pub use clamp::{ClampPlan, HeldName, MeasuredIn};
 pub use compression::{
     ComfortPlan, CompressLaw, CompressPlan, CurvePlan, GimbalPlan, HingePlan, MLO_ANGLE_DEG,
@@ -224,6 +226,9 @@ pub struct ModelPlan {
     pub interface: InterfacePlan,
     /// Whether skin keeps off skin, as in the fold under a breast that hangs on the abdomen.
     pub skin_contact: bool,
+    /// Arms that the skin keeps off, by pose.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub arms: BTreeMap<String, Vec<ArmPlan>>,
     /// Mass density of all tissues (g/cm³).
     pub density_g_per_cm3: f64,
     /// Effects that are switched on: amplitude by machine name.
@@ -242,6 +247,7 @@ impl Default for ModelPlan {
             ligaments: LigamentPlan::default(),
             interface: InterfacePlan::default(),
             skin_contact: false,
+            arms: BTreeMap::new(),
             density_g_per_cm3: 0.981,
             effects: BTreeMap::new(),
         }

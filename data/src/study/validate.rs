@@ -113,6 +113,7 @@ fn check(study: &Study) -> Checked {
     }
     model(&study.model)?;
     muscle(study)?;
+    arms(study)?;
     within("mesh.size_mm", study.mesh.size_mm, 0.5, 50.0)?;
     validate_calibrate::calibrate(study)?;
     study.compress.as_ref().map_or(Ok(()), compress)?;
@@ -248,6 +249,28 @@ fn model(model: &ModelPlan) -> Checked {
             return refuse(&path, format!("not known; there are: {}", EFFECTS.join(", ")));
         }
         within(&path, *amplitude, -100.0, 100.0)?;
+    }
+    Ok(())
+}
+
+/// Arms are beside poses that the stress-free shape is loaded into.
+fn arms(study: &Study) -> Checked {
+    for (pose, arms) in &study.model.arms {
+        let path = format!("model.arms.{pose}");
+        if study.usage(pose).is_none() {
+            return refuse(&path, "there is no such pose");
+        }
+        if pose == study.reference_pose() {
+            return refuse(
+                &path,
+                "the stress-free shape is sought from this pose without an arm; choose another model.reference_pose",
+            );
+        }
+        for arm in arms {
+            let ends = arm.from_mm.iter().chain(&arm.to_mm);
+            ends.into_iter().try_for_each(|mm| within(&path, *mm, -2000.0, 2000.0))?;
+            within(&format!("{path}.radius_mm"), arm.radius_mm, 5.0, 200.0)?;
+        }
     }
     Ok(())
 }

@@ -125,6 +125,15 @@ fn unknown_words_are_named() {
         "reference_pose = \"standing\"",
         &["line 19", "model.reference_pose", "\"standing\"", "prone, supine, tilted"],
     );
+    let arms = |pose: &str, radius_mm: &str| {
+        let arm = format!(
+            "{{ from_mm = [-200.0, 40.0, -80.0], to_mm = [-190.0, 20.0, 140.0], radius_mm = {radius_mm} }}"
+        );
+        format!("[model]\narms = {{ {pose} = [{arm}] }}")
+    };
+    refused("[model]", &arms("sitting", "45.0"), &["model.arms.sitting", "no such pose"]);
+    refused("[model]", &arms("supine", "45.0"), &["model.arms.supine", "reference_pose"]);
+    refused("[model]", &arms("prone", "4.0"), &["model.arms.prone", "radius_mm", "from 5 to 200"]);
     refused("schema = 1", "schema = 2", &["line 1", "schema", "reads 1"]);
 }
 

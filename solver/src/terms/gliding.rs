@@ -12,7 +12,8 @@
 //! the normal all is as in [`super::contact`].
 //!
 //! The tetrahedron of a point is kept during a minimisation; afterwards a point that has left it by more
-//! than a twentieth of a face goes on to the next one (see [`Term::moved_on`]). Beyond the rim, where there is no
+//! than a twentieth of a face goes on to the next one (see [`Term::moved_on`]). One that would leave it by a whole
+//! face ends the minimisation: what a tetrahedron far away says of it is wrong. Beyond the rim, where there is no
 //! next one, the front goes on as its smooth shape does, at rest: d = φ(x). Held at its rim, it has no step there.
 
 use super::contact::{Contact, Touch};
@@ -25,9 +26,11 @@ use mammotwin_data::{Mat3, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Barycentric coordinate on the front's face down to which a point stays with its tetrahedron: less would
-/// send points on an edge to and fro.
-const BEYOND: f64 = -0.05;
+/// Barycentric coordinate on the front's face down to which a point stays with its tetrahedron: less would send points
+/// on an edge to and fro. One that comes back again and again stays longer.
+const STAYS: [f64; 4] = [-0.05, -0.05, -0.1, -0.2];
+/// The same down to which a minimisation may lead it.
+const AWAY: f64 = -1.0;
 /// Most faces that a point crosses on the way to its own.
 const LONGEST_WAY: usize = 100;
 
@@ -108,14 +111,19 @@ impl Front {
         })
     }
 
-    /// What a point (mm) at `x` is over, from a face near it.
-    fn walk(&self, from: u32, x: &Vec3, points: &[Vec3]) -> Over {
-        let mut at = Over { face: from, beyond: false };
+    /// Barycentric coordinates on a face of the foot of a point (mm) at `x`; `None` over a flat tetrahedron.
+    fn parts(&self, face: u32, x: &Vec3, points: &[Vec3]) -> Option<[f64; 3]> {
+        let look = self.look(face, x, points)?;
+        let [a, b, c, _] = self.corners(face, &self.places);
+        Some(over_face([a, b, c], &look.place))
+    }
+
+    /// What a point (mm) at `x` is over, from what it was over.
+    fn walk(&self, from: Over, x: &Vec3, points: &[Vec3]) -> Over {
+        let mut at = Over { beyond: false, ..from };
         for _ in 0..LONGEST_WAY {
-            let Some(look) = self.look(at.face, x, points) else { break };
-            let [a, b, c, _] = self.corners(at.face, &self.places);
-            let parts = over_face([a, b, c], &look.place);
-            let left = |n: &usize| parts[*n] < BEYOND;
+            let Some(parts) = self.parts(at.face, x, points) else { break };
+            let left = |n: &usize| parts[*n] < STAYS[usize::from(from.returns)];
             at.beyond = (0..3).any(|n| left(&n));
             let next =
                 (0..3).filter(left).filter_map(|n| Some((n, self.next[at.face as usize][n]?)));
@@ -124,7 +132,12 @@ impl Front {
                 None => break,
             }
         }
-        at
+        if (at.face, at.beyond) == (from.face, from.beyond) {
+            return from;
+        }
+        let returns =
+            from.returns + u8::from(at.face == from.before && from.returns < STAYS.len() as u8 - 1);
+        Over { before: from.face, returns, ..at }
     }
 }
 
@@ -134,6 +147,16 @@ struct Over {
     /// A face of the front, the last one before its rim where the point is beyond that.
     face: u32,
     beyond: bool,
+    /// The face before.
+    before: u32,
+    /// How often the point has come back to the face before, at most what [`STAYS`] tells apart.
+    returns: u8,
+}
+
+impl Over {
+    fn face(face: u32) -> Self {
+        Self { face, beyond: false, before: face, returns: 0 }
+    }
 }
 
 /// An edge, the smaller node first.
@@ -194,7 +217,7 @@ impl Gliding {
             let x = &front.places[node as usize];
             let far = |&n: &usize| (middles[n] - x).norm_squared();
             let nearest = (0..middles.len()).min_by(|a, b| far(a).total_cmp(&far(b)));
-            front.walk(nearest.unwrap_or(0) as u32, x, &front.places)
+            front.walk(Over::face(nearest.unwrap_or(0) as u32), x, &front.places)
         };
         let over = contact.nodes.iter().map(over).collect();
         let mut term = Self { name: name.into(), contact, front, over, touched: Vec::new() };
@@ -322,9 +345,8 @@ impl Term for Gliding {
     }
 
     fn moved_on(&self, points: &[Vec3]) -> Option<Arc<dyn Term>> {
-        let on = |(&node, over): (&u32, &Over)| {
-            self.front.walk(over.face, &points[node as usize], points)
-        };
+        let on =
+            |(&node, over): (&u32, &Over)| self.front.walk(*over, &points[node as usize], points);
         let over: Vec<Over> = self.contact.nodes.iter().zip(&self.over).map(on).collect();
         if over == self.over {
             return None;
@@ -334,13 +356,22 @@ impl Term for Gliding {
         Some(Arc::new(moved))
     }
 
+    fn is_near(&self, points: &[Vec3]) -> bool {
+        self.contact.nodes.iter().zip(&self.over).filter(|(_, over)| !over.beyond).all(
+            |(&node, over)| {
+                let parts = self.front.parts(over.face, &points[node as usize], points);
+                parts.is_none_or(|parts| parts.iter().all(|part| *part > AWAY))
+            },
+        )
+    }
+
     fn gives_way(&self) -> bool {
         true
     }
 
     fn above(&self, element: usize, points: &[Vec3]) -> Option<(f64, Vec3)> {
         let x = &points[self.contact.nodes[element] as usize];
-        let over = self.front.walk(self.over[element].face, x, points);
+        let over = self.front.walk(self.over[element], x, points);
         if over.beyond {
             let (distance, normal, _) = self.front.target.distance(x);
             return Some((distance, normal));

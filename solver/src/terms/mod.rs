@@ -343,6 +343,12 @@ pub trait Term: Send + Sync {
         None
     }
 
+    /// Whether its elements are still near to what they touch with the nodes at `points` (mm): a minimisation ends before
+    /// they are not, and looks anew ([`Term::moved_on`]).
+    fn is_near(&self, _points: &[Vec3]) -> bool {
+        true
+    }
+
     /// How far (mm) nodes may go from one look at what they touch to the next; `None` where it does not matter.
     fn leash_mm(&self) -> Option<f64> {
         None

@@ -63,3 +63,24 @@ impl Target for Sphere {
         (radius - self.radius_mm, normal, hessian)
     }
 }
+
+/// A cylinder with round ends, such as an arm; the body is outside of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Capsule {
+    /// Ends of the axis (mm).
+    pub ends: [Vec3; 2],
+    /// Radius (mm).
+    pub radius_mm: f64,
+}
+
+impl Target for Capsule {
+    fn distance(&self, point: &Vec3) -> (f64, Vec3, Mat3) {
+        let [from, to] = self.ends;
+        let (axis, radius_mm) = (to - from, self.radius_mm);
+        let along = axis.dot(&(point - from));
+        if 0.0 < along && along < axis.norm_squared() {
+            return Cylinder { point: from, axis: axis.normalize(), radius_mm }.distance(point);
+        }
+        Sphere { center: if along <= 0.0 { from } else { to }, radius_mm }.distance(point)
+    }
+}

@@ -23,6 +23,7 @@ use crate::mesh::BreastMesh;
 use mammotwin_data::{
     Failure, Vec3,
     mesh::{Patch, TetMesh},
+    rigid::RigidTransform,
     solution::Solution,
     study::{InterfaceKind, InterfacePlan, LawConstants, LawName, ModelPlan},
 };
@@ -30,7 +31,10 @@ use mammotwin_solver::{
     assemble::Analyses,
     materials::LawError,
     model::{Model, ModelError},
-    terms::{Bulk, Cables, Fibres, Gravity, GridDistance, Membrane, SelfContact, Target},
+    terms::{
+        Bulk, Cables, Fibres, Gravity, GridDistance, Membrane, Opening, SelfContact, Sliding,
+        Target, target::Capsule,
+    },
 };
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -168,6 +172,28 @@ impl<'a> Body<'a> {
         if recipe.gravity != Vec3::zeros() {
             let density = recipe.density_g_per_cm3;
             model.add(Gravity::new("gravity", &mesh, density, recipe.gravity))?;
+        }
+        Ok(())
+    }
+
+    /// Keeps the skin off the arms of a pose, without friction; `motion` brings its image into the reference pose's frame.
+    ///
+    /// # Errors
+    /// An arm that no term can be made of.
+    pub fn keep_off_arms(
+        &self,
+        model: &mut Model,
+        pose: &str,
+        motion: &RigidTransform,
+    ) -> Result<(), Failure> {
+        let skin = self.mesh.patch(Patch::Skin);
+        for (n, arm) in self.plan.arms.get(pose).into_iter().flatten().enumerate() {
+            let ends = [arm.from_mm, arm.to_mm].map(|end| motion.point(&end.into()));
+            let arm = Arc::new(Capsule { ends, radius_mm: arm.radius_mm });
+            let contact = Sliding::new(&format!("arm_{}", n + 1), &self.mesh.points, skin, arm);
+            model
+                .add(contact.opening(Opening::Free))
+                .map_err(|cause| Failure::BadInput(format!("model.arms.{pose}: {cause}")))?;
         }
         Ok(())
     }

@@ -4,7 +4,7 @@ use super::{PoseName, Preset, Torso, Truth};
 use mammotwin_data::study::{
     BreastPlan, InterfacePlan, LayerPlan, LigamentPlan, ModelPlan, MusclePlan,
 };
-use std::fmt::Write;
+use std::{collections::BTreeMap, fmt::Write};
 
 /// The model of the truth, which the study describes too.
 pub fn model_plan(person: &Preset) -> ModelPlan {
@@ -23,6 +23,7 @@ pub fn model_plan(person: &Preset) -> ModelPlan {
         ligaments: LigamentPlan { young_kpa: fixed.ligaments_kpa, ..LigamentPlan::default() },
         interface: InterfacePlan::uniform(fixed.interface, Some(fixed.friction)),
         skin_contact: false,
+        arms: BTreeMap::new(),
         density_g_per_cm3: fixed.density_g_per_cm3,
         effects: person.effects.clone(),
     }
