@@ -338,17 +338,18 @@ impl Newton {
 
     /// The longest step along a direction, at most `longest`, on which contacts stay near to what they touch.
     fn near(&self, model: &Model, state: &State, direction: &[Vec3], longest: f64) -> f64 {
-        let at = |length: f64| {
-            let step = direction.iter().map(|d| length * d);
-            state.points.iter().zip(step).map(|(p, d)| p + d).collect::<Vec<Vec3>>()
-        };
         let terms = state.terms(model);
-        let mut length = longest;
-        while length > NEAREST * longest {
-            let points = at(length);
-            if terms.iter().all(|term| term.is_near(&points)) {
-                break;
-            }
+        let is_near = |points: &[Vec3]| terms.iter().all(|term| term.is_near(points));
+        let at = |length: f64| {
+            let ways = state.points.iter().zip(direction);
+            ways.map(|(p, d)| p + length * d).collect::<Vec<Vec3>>()
+        };
+        // What is away already is not nearer after a short step.
+        if is_near(&at(longest)) || !is_near(&state.points) {
+            return longest;
+        }
+        let mut length = 0.5 * longest;
+        while length > NEAREST * longest && !is_near(&at(length)) {
             length *= 0.5;
         }
         length
