@@ -25,6 +25,7 @@ mod rear;
 mod scribble;
 mod search;
 mod shading;
+mod suppressed;
 mod tissue;
 mod wall;
 
@@ -148,15 +149,16 @@ pub fn segment_marked(
     let tissue_from = filter::otsu(positive).ok_or(SegmentError::Empty)?.exp();
     let mut body = body::find(&work, &inside, |_| tissue_from).ok_or(SegmentError::Empty)?;
     let mut field = None;
-    let mut brightness_of_work = work.clone();
+    let raw = work;
+    let mut brightness_of_work = raw.clone();
     // The second time the shading is measured where the first one saw the body.
     for _ in 0..2 {
-        let found = shading::estimate(&work, &body.mask, tissue_from).ok_or(SegmentError::Empty)?;
-        let grid = &work.grid;
+        let found = shading::estimate(&raw, &body.mask, tissue_from).ok_or(SegmentError::Empty)?;
+        let grid = &raw.grid;
         let fat: Vec<f32> =
             (0..grid.len()).map(|n| found.fat(&grid.center(grid.voxel(n)))).collect();
         for n in 0..fat.len() {
-            brightness_of_work.values[n] = work.values[n] / fat[n];
+            brightness_of_work.values[n] = raw.values[n] / fat[n];
         }
         let tissue_from = |n: usize| body::faintest(fat[n], found.brightest);
         body = body::find(&brightness_of_work, &inside, tissue_from).ok_or(SegmentError::Empty)?;
@@ -167,22 +169,35 @@ pub fn segment_marked(
     let shaded = Shaded { image, frame: &frame, field: &field };
 
     progress.report(0.5, "chest wall");
-    let wall = wall::find(&work, &shaded, &body, &marks).ok_or(SegmentError::NoChestWall)?;
-    // What a person marked may have another contrast, and holds.
-    if scribbles.is_none() && !plausible::muscle_behind_fat(&wall, &shaded) {
-        return Err(SegmentError::NoChestWall);
+    let usual = wall::find(&work, &shaded, &body, &marks)
+        // What a person marked may have another contrast, and holds.
+        .filter(|wall| scribbles.is_some() || plausible::muscle_behind_fat(wall, &shaded));
+    let suppressed = match (&usual, scribbles) {
+        (None, None) => suppressed::find(image, &frame, &raw, &body),
+        _ => None,
+    };
+    if std::env::var_os("FAT_DEBUG").is_some() {
+        eprintln!("usual {} suppressed {:?}", usual.is_some(), suppressed.as_ref().map(|s| (s.evidence, s.wall.rear.seen, s.wall.contrast.iter().filter(|c| **c > 0.3).count() as f64 / s.wall.contrast.len() as f64)));
     }
+    let suppressed = suppressed.as_ref();
+    let wall = usual.as_ref().or(suppressed.map(|found| &found.wall)).ok_or(SegmentError::NoChestWall)?;
 
     progress.report(0.7, "breast limits");
-    let limits = limits::find(&wall).ok_or(SegmentError::NoBreast)?;
+    let limits = limits::find(wall).ok_or(SegmentError::NoBreast)?;
     let mut warnings = border::check_heights(&limits)?;
 
     progress.report(0.75, "labels");
     let brightness = label::brightness(&shaded);
     let mask = label::body_mask(&shaded, &brightness, &work, &body);
-    let inner = recoloured.as_ref().map_or(&brightness, |found| &found.breast);
+    let recoloured = recoloured.as_ref().map(|found| &found.breast);
+    let inner = suppressed.map(|found| &found.breast).or(recoloured).unwrap_or(&brightness);
+    let shaded = match suppressed {
+        Some(found) => Shaded { image: &found.image, frame: &frame, field: &found.flat },
+        None => shaded,
+    };
+    let field = suppressed.map_or(&field, |found| &found.fat);
     let (labels, classes) =
-        label::assign(&shaded, inner, &mask, &wall, &limits, &marks, options.skin_mm);
+        label::assign(&shaded, inner, &mask, wall, &limits, &marks, options.skin_mm);
 
     border::check_faces(&labels, &frame, &limits)?;
 
