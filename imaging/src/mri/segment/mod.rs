@@ -173,7 +173,7 @@ pub fn segment_marked(
         // What a person marked may have another contrast, and holds.
         .filter(|wall| scribbles.is_some() || plausible::muscle_behind_fat(wall, &shaded));
     let suppressed = match (&usual, scribbles) {
-        (None, None) => suppressed::find(image, &frame, &raw, &body),
+        (None, None) => suppressed::find(image, &frame, &raw, &inside, &body, &field),
         _ => None,
     };
     if std::env::var_os("FAT_DEBUG").is_some() {
@@ -187,17 +187,28 @@ pub fn segment_marked(
     let mut warnings = border::check_heights(&limits)?;
 
     progress.report(0.75, "labels");
+    // The body is told in the image itself, tissues in one of the known contrast.
     let brightness = label::brightness(&shaded);
-    let mask = label::body_mask(&shaded, &brightness, &work, &body);
-    let recoloured = recoloured.as_ref().map(|found| &found.breast);
-    let inner = suppressed.map(|found| &found.breast).or(recoloured).unwrap_or(&brightness);
+    let (mask, breast) = match suppressed {
+        Some(found) => {
+            let air_below = |p: &Vec3| found.air.tissue_from(p, &field) / field.fat(p);
+            let mask = label::body_mask(&shaded, &brightness, &work, &found.body, air_below);
+            (mask, Some(&found.breast))
+        }
+        None => {
+            let air_below = |p: &Vec3| body::air_below(field.fat(p), field.brightest);
+            let mask = label::body_mask(&shaded, &brightness, &work, &body, air_below);
+            (mask, recoloured.as_ref().map(|found| &found.breast))
+        }
+    };
+    let brightness = breast.unwrap_or(&brightness);
     let shaded = match suppressed {
         Some(found) => Shaded { image: &found.image, frame: &frame, field: &found.flat },
         None => shaded,
     };
     let field = suppressed.map_or(&field, |found| &found.fat);
     let (labels, classes) =
-        label::assign(&shaded, inner, &mask, wall, &limits, &marks, options.skin_mm);
+        label::assign(&shaded, brightness, &mask, wall, &limits, &marks, options.skin_mm);
 
     border::check_faces(&labels, &frame, &limits)?;
 

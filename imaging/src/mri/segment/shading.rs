@@ -19,8 +19,18 @@ const FAT_FRACTION: [f32; 5] = [0.6, 0.6, 0.65, 0.7, 0.75];
 
 /// Where fat is suppressed, it lies between these fractions of the field; pass by pass. The first field is a mean of
 /// all tissue, so that the first passes take what is darker.
-const SUPPRESSED_FRACTION: [[f32; 2]; 5] =
-    [[0.4, 1.0], [0.5, 1.1], [0.6, 1.15], [0.65, 1.25], [0.65, 1.3]];
+const SUPPRESSED_FRACTION: [[f32; 2]; 10] = [
+    [0.4, 1.0],
+    [0.5, 1.1],
+    [0.6, 1.15],
+    [0.65, 1.25],
+    [0.65, 1.3],
+    [0.65, 1.3],
+    [0.65, 1.3],
+    [0.65, 1.3],
+    [0.65, 1.3],
+    [0.65, 1.3],
+];
 /// Fat far from the coils is at least this fraction of the brightest fat; fainter is noise.
 const FAINTEST_FAT: f32 = 0.15;
 /// The field is nowhere below this fraction of the brightest fat, so that noise far from the coils
@@ -88,6 +98,20 @@ pub(super) fn estimate_suppressed(work: &Volume<f32>, usable: &[bool]) -> Option
         (0..log.len()).filter(|&n| usable(n)).map(|n| f64::from(log[n].exp())).collect();
     let brightest = quantile(&mut bright, 0.98)? as f32;
     Some(Field { log: Volume { grid: coarse.grid, values: log }, brightest })
+}
+
+/// Brightness of what `is` air on the work grid, everywhere. `None` if there is none.
+pub(super) fn estimate_air(work: &Volume<f32>, is: &[bool]) -> Option<Field> {
+    let coarse = shrink(work);
+    let share = shrink(&Volume {
+        grid: work.grid.clone(),
+        values: is.iter().map(|&u| f32::from(u8::from(u))).collect(),
+    });
+    let all: Vec<f32> = (0..coarse.values.len())
+        .map(|n| f32::from(u8::from(share.values[n] > 0.99 && coarse.values[n] > 0.0)))
+        .collect();
+    let values = smooth_logs(&coarse.values, &all, coarse.grid.shape)?;
+    Some(Field { log: Volume { grid: coarse.grid, values }, brightest: 0.0 })
 }
 
 /// A field of fat from a `first` guess: pass by pass, fat are those `usable` voxels that lie between two fractions

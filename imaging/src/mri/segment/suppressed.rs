@@ -15,7 +15,8 @@ use super::scribble::Bounds;
 use super::search::{Columns, optimal_surface};
 use super::shading::{self, Field, Shaded};
 use super::wall::{self, Map, Wall};
-use mammotwin_data::volume::Volume;
+use mammotwin_data::Vec3;
+use mammotwin_data::volume::{Grid, Volume};
 use rayon::prelude::*;
 
 /// Skin and its blur reach to this depth (mm).
@@ -26,6 +27,8 @@ const UNDER_SKIN_MM: f32 = 15.0;
 const BEHIND_AXIS_MM: f64 = 20.0;
 /// Fat is measured beyond this distance (mm) in front of the wall.
 const BEFORE_WALL_MM: f64 = 4.0;
+/// Greater depths (mm) under the skin need not be told apart.
+const DEEPEST_MM: f64 = 40.0;
 /// First radius (mm) of the search, and its step (mm).
 const FIRST_MM: f64 = 20.0;
 const STEP_MM: f64 = 1.0;
@@ -68,6 +71,9 @@ pub(super) struct Suppressed {
     pub flat: Field,
     /// Fat's brightness in the image itself.
     pub fat: Field,
+    /// The air around the body.
+    pub air: Air,
+    pub body: Body,
     pub wall: Wall,
     /// What speaks for the wall.
     pub evidence: Evidence,
@@ -84,29 +90,32 @@ pub(super) struct Evidence {
     pub smooth: f64,
 }
 
-/// Finds the wall; `work` is the image on the work grid. `None` where there is none to be found.
+/// Finds the wall; `work` is the image on the work grid, `inside` where that lies in the image, `body` and the brightness
+/// of the brightest `tissue` what the usual way made of it. `None` where there is no wall to be found.
 pub(super) fn find(
     image: &Volume<f32>,
     frame: &Frame,
     work: &Volume<f32>,
+    inside: &[bool],
     body: &Body,
+    tissue: &Field,
 ) -> Option<Suppressed> {
     let grid = &work.grid;
-    let map = Map::new(grid, body);
-    let depth = Volume {
-        grid: grid.clone(),
-        values: depth::distance_to_outside(&body.mask, grid, 40.0),
-    };
-    let least_y = body.axis[1] - BEHIND_AXIS_MM;
-    let in_front = |n: usize| grid.center(grid.voxel(n)).y > least_y && depth.values[n] > SKIN_MM;
-    let layer: Vec<bool> =
-        (0..grid.len()).map(|n| in_front(n) && depth.values[n] < UNDER_SKIN_MM).collect();
-    let none = Bounds::none(map.polar.len());
-    let mut fat = shading::estimate_suppressed(work, &layer)?;
+    let mut body = body.clone();
+    let mut air = Air::of(work, inside, &body)?;
+    for _ in 0..2 {
+        let from = |n: usize| air.tissue_from(&grid.center(grid.voxel(n)), tissue);
+        body = body::find(work, inside, from)?;
+        air = Air::of(work, inside, &body)?;
+    }
+    let mut fat = fat_where(work, &body, |_, depth| depth < UNDER_SKIN_MM)?;
     let mut prior: Option<Vec<f32>> = None;
     let mut seen = None;
     for _ in 0..2 {
+        let map = Map::new(grid, &body);
+        let none = Bounds::none(map.polar.len());
         let even = evened(work, &fat);
+        let depth = depth_in(&body, grid);
         let rough = search(&map, &even, &depth, prior.as_deref());
         let known: Vec<f32> = rough
             .radii
@@ -115,14 +124,16 @@ pub(super) fn find(
             .map(|(radius, step)| if *step > SEEN { *radius } else { 0.0 })
             .collect();
         let smooth = wall::near_elliptic(&map.polar, &known, &map.surface, &none)?;
-        let before: Vec<bool> = (0..grid.len())
-            .map(|n| in_front(n) && before_wall(&map.polar, &smooth, grid.center(grid.voxel(n))))
-            .collect();
-        fat = shading::estimate_suppressed(work, &before)?;
+        let before = |p: &Vec3| {
+            let (radius, at) = map.polar.locate(p);
+            radius > f64::from(map.polar.value(&smooth, at)) + BEFORE_WALL_MM
+        };
+        fat = fat_where(work, &body, |p, _| before(p))?;
         prior = Some(smooth);
-        seen = Some(rough);
+        seen = Some((map, rough));
     }
-    let (prior, rough) = (prior?, seen?);
+    let (prior, (map, rough)) = (prior?, seen?);
+    let none = Bounds::none(map.polar.len());
     let evidence = Evidence::of(&map.polar, &rough, &prior)?;
 
     let recoloured = |value: f32, fat: f32| FAT * tone(value / fat, evidence.muscle);
@@ -147,10 +158,10 @@ pub(super) fn find(
     let volume = |values| Volume { grid: image.grid.clone(), values };
     let (image, breast) = (volume(values), volume(breast));
     let flat = Field::flat(FAT, &frame.low);
-    let fat_above = wall::fat_above(&work, body);
+    let fat_above = wall::fat_above(&work, &body);
     let fine = Shaded { image: &image, frame, field: &flat };
     let wall = wall::near(map, &prior, &work, &fine, &fat_above, &none, body.whole_back);
-    Some(Suppressed { image, breast, flat, fat, wall, evidence })
+    Some(Suppressed { image, breast, flat, fat, air, body, wall, evidence })
 }
 
 /// The image in units of fat.
@@ -160,9 +171,46 @@ fn evened(work: &Volume<f32>, fat: &Field) -> Volume<f32> {
     Volume { grid: grid.clone(), values: (0..grid.len()).map(value).collect() }
 }
 
-fn before_wall(polar: &Polar, front: &[f32], p: mammotwin_data::Vec3) -> bool {
-    let (radius, at) = polar.locate(&p);
-    radius > f64::from(polar.value(front, at)) + BEFORE_WALL_MM
+/// Depth (mm) under the surface of the body, on the work grid.
+fn depth_in(body: &Body, grid: &Grid) -> Volume<f32> {
+    let values = depth::distance_to_outside(&body.mask, grid, DEEPEST_MM);
+    Volume { grid: grid.clone(), values }
+}
+
+/// Fat's brightness, from what lies under the skin where `is_breast` of place and depth (mm).
+fn fat_where(
+    work: &Volume<f32>,
+    body: &Body,
+    is_breast: impl Fn(&Vec3, f32) -> bool,
+) -> Option<Field> {
+    let grid = &work.grid;
+    let depth = depth_in(body, grid);
+    let usable = |n: usize| {
+        let (p, depth) = (grid.center(grid.voxel(n)), depth.values[n]);
+        p.y > body.axis[1] - BEHIND_AXIS_MM && depth > SKIN_MM && is_breast(&p, depth)
+    };
+    let usable: Vec<bool> = (0..grid.len()).map(usable).collect();
+    shading::estimate_suppressed(work, &usable)
+}
+
+/// The air around the body: near to it ghosts and the coils' correction make it brighter than elsewhere.
+pub(super) struct Air(Field);
+
+impl Air {
+    /// Tissue begins at this part of the way from air to the brightest tissue around.
+    const PART: f32 = 0.2;
+
+    fn of(work: &Volume<f32>, inside: &[bool], body: &Body) -> Option<Self> {
+        let air: Vec<bool> = inside.iter().zip(&body.mask).map(|(&i, &body)| i && !body).collect();
+        shading::estimate_air(work, &air).map(Self)
+    }
+
+    /// The brightness that parts tissue from air at a place (mm, body's axes), in the image's units, where the
+    /// brightest tissue is as bright as the field tells.
+    pub(super) fn tissue_from(&self, p: &Vec3, tissue: &Field) -> f32 {
+        let (air, tissue) = (self.0.fat(p), tissue.fat(p));
+        air + Self::PART * (tissue - air).max(Self::PART * air)
+    }
 }
 
 /// Brightness in the recoloured image, in units of fat, of what has `value` in units of fat where muscle has
