@@ -19,18 +19,9 @@ const FAT_FRACTION: [f32; 5] = [0.6, 0.6, 0.65, 0.7, 0.75];
 
 /// Where fat is suppressed, it lies between these fractions of the field; pass by pass. The first field is a mean of
 /// all tissue, so that the first passes take what is darker.
-const SUPPRESSED_FRACTION: [[f32; 2]; 10] = [
-    [0.4, 1.0],
-    [0.5, 1.1],
-    [0.6, 1.15],
-    [0.65, 1.25],
-    [0.65, 1.3],
-    [0.65, 1.3],
-    [0.65, 1.3],
-    [0.65, 1.3],
-    [0.65, 1.3],
-    [0.65, 1.3],
-];
+const SUPPRESSED_FRACTION: [[f32; 2]; 6] =
+    [[0.4, 1.0], [0.4, 1.0], [0.5, 1.05], [0.6, 1.1], [0.65, 1.15], [0.65, 1.2]];
+
 /// Fat far from the coils is at least this fraction of the brightest fat; fainter is noise.
 const FAINTEST_FAT: f32 = 0.15;
 /// The field is nowhere below this fraction of the brightest fat, so that noise far from the coils
