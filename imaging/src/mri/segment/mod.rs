@@ -1,10 +1,11 @@
-//! Fully automatic segmentation of a breast MRI without fat suppression.
+//! Fully automatic segmentation of a breast MRI, without or with fat suppression.
 //!
 //! One file a step: `frame` turns the image into the body's own axes, `body` finds the air
 //! around it, `shading` learns how bright fat is at each place, `wall` finds the chest wall as
 //! a smooth optimal surface (`search`) over a map about the thorax' axis (`polar`),
 //! `limits` says where the breasts end, `tissue` parts gland and fat, and `label` writes it
-//! all on the image's own grid. What a person marked teaches and binds them (`scribble`).
+//! all on the image's own grid. What a person marked teaches and binds them (`scribble`). Where no wall of bright
+//! fat before dark muscle is found, one of dark fat before brighter muscle is looked for (`suppressed`).
 //!
 //! The breasts end by convention: at the sternal plane of symmetry, at the lateral plane through
 //! the thorax' mid-depth (mid-axillary line), and 12 mm above and below where the tissue in front of
@@ -106,9 +107,11 @@ pub struct Limits {
 
 /// A wall that is seen on less than this part of it is a guess.
 const LEAST_SEEN: f64 = 0.35;
+/// The same where fat is suppressed: a surface that is none is seen in part, too.
+const LEAST_SEEN_SUPPRESSED: f64 = 0.5;
 
 /// Segments a scan. Deterministic; the image needs bright fat and dark muscle (T2 or T1 weighted,
-/// without fat suppression).
+/// without fat suppression), or suppressed fat that is darker than muscle and brighter than lung.
 pub fn segment(
     image: &Volume<f32>,
     options: &Options,
@@ -176,9 +179,6 @@ pub fn segment_marked(
         (None, None) => suppressed::find(image, &frame, &raw, &inside, &body, &field),
         _ => None,
     };
-    if std::env::var_os("FAT_DEBUG").is_some() {
-        eprintln!("usual {} suppressed {:?}", usual.is_some(), suppressed.as_ref().map(|s| (s.evidence, s.wall.rear.seen, s.wall.contrast.iter().filter(|c| **c > 0.3).count() as f64 / s.wall.contrast.len() as f64)));
-    }
     let suppressed = suppressed.as_ref();
     let wall = usual.as_ref().or(suppressed.map(|found| &found.wall)).ok_or(SegmentError::NoChestWall)?;
 
@@ -191,7 +191,7 @@ pub fn segment_marked(
     let brightness = label::brightness(&shaded);
     let (mask, breast) = match suppressed {
         Some(found) => {
-            let air_below = |p: &Vec3| found.air.tissue_from(p, &field) / field.fat(p);
+            let air_below = |p: &Vec3| found.air.voxel_from(p, &field) / field.fat(p);
             let mask = label::body_mask(&shaded, &brightness, &work, &found.body, air_below);
             (mask, Some(&found.breast))
         }
@@ -214,8 +214,12 @@ pub fn segment_marked(
 
     let wall_seen =
         wall.contrast.iter().filter(|c| **c > 0.3).count() as f64 / wall.contrast.len() as f64;
-    if wall_seen < LEAST_SEEN {
+    let least_seen = if suppressed.is_some() { LEAST_SEEN_SUPPRESSED } else { LEAST_SEEN };
+    if wall_seen < least_seen || (suppressed.is_some() && !plausible::both_breasts(&labels)) {
         return Err(SegmentError::NoChestWall);
+    }
+    if suppressed.is_some() {
+        warnings.push(Warning::SuppressedFat);
     }
     if wall_seen < 0.6 {
         warnings.push(Warning::FaintWall { percent: 100.0 * wall_seen });

@@ -21,6 +21,8 @@ const FAT_FRACTION: [f32; 5] = [0.6, 0.6, 0.65, 0.7, 0.75];
 /// all tissue, so that the first passes take what is darker.
 const SUPPRESSED_FRACTION: [[f32; 2]; 6] =
     [[0.4, 1.0], [0.4, 1.0], [0.5, 1.05], [0.6, 1.1], [0.65, 1.15], [0.65, 1.2]];
+/// The same in further passes.
+const FOLLOWING_FRACTION: [f32; 2] = [0.65, 1.3];
 
 /// Fat far from the coils is at least this fraction of the brightest fat; fainter is noise.
 const FAINTEST_FAT: f32 = 0.15;
@@ -73,8 +75,13 @@ pub(super) fn estimate(work: &Volume<f32>, body: &[bool], tissue_from: f32) -> O
 }
 
 /// The same where fat is suppressed: the darkest tissue among voxels of the work grid that are `usable`, which
-/// hold fat, gland and vessels but neither air nor lung. `None` if there are none.
-pub(super) fn estimate_suppressed(work: &Volume<f32>, usable: &[bool]) -> Option<Field> {
+/// hold fat, gland and vessels but neither air nor lung. With `following` passes more the field climbs where fat gets
+/// brighter within millimetres, near a coil, and a thin layer of muscle draws it up as well. `None` if there are none.
+pub(super) fn estimate_suppressed(
+    work: &Volume<f32>,
+    usable: &[bool],
+    following: usize,
+) -> Option<Field> {
     let coarse = shrink(work);
     let share = shrink(&Volume {
         grid: work.grid.clone(),
@@ -84,7 +91,9 @@ pub(super) fn estimate_suppressed(work: &Volume<f32>, usable: &[bool]) -> Option
     let all: Vec<f32> =
         (0..coarse.values.len()).map(|n| f32::from(u8::from(usable(n)))).collect();
     let first = smooth_logs(&coarse.values, &all, coarse.grid.shape)?;
-    let log = settled(&coarse, usable, first, &SUPPRESSED_FRACTION)?;
+    let mut passes = SUPPRESSED_FRACTION.to_vec();
+    passes.resize(passes.len() + following, FOLLOWING_FRACTION);
+    let log = settled(&coarse, usable, first, &passes)?;
     let mut bright: Vec<f64> =
         (0..log.len()).filter(|&n| usable(n)).map(|n| f64::from(log[n].exp())).collect();
     let brightest = quantile(&mut bright, 0.98)? as f32;
