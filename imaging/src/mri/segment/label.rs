@@ -61,9 +61,7 @@ pub(super) fn body_mask(
             let p = shaded.frame.body_from_voxel.apply(&voxel);
             let at = nearest(work, &p);
             *inside = inner[at] < 0.5
-                || (outer[at] > 0.5
-                    && brightness.values[k * slice + n]
-                        > air_below(&p));
+                || (outer[at] > 0.5 && brightness.values[k * slice + n] > air_below(&p));
         }
     });
     // Noise beside the body: the majority of a neighbourhood in the slice decides, and what does not

@@ -180,10 +180,14 @@ pub fn segment_marked(
         _ => None,
     };
     let suppressed = suppressed.as_ref();
-    let wall = usual.as_ref().or(suppressed.map(|found| &found.wall)).ok_or(SegmentError::NoChestWall)?;
+    let wall =
+        usual.as_ref().or(suppressed.map(|found| &found.wall)).ok_or(SegmentError::NoChestWall)?;
 
     progress.report(0.7, "breast limits");
     let limits = limits::find(wall).ok_or(SegmentError::NoBreast)?;
+    if suppressed.is_some() && !plausible::mid_axillary(wall, &limits) {
+        return Err(SegmentError::NoChestWall);
+    }
     let mut warnings = border::check_heights(&limits)?;
 
     progress.report(0.75, "labels");

@@ -1,6 +1,7 @@
 //! Whether the wall that was found can be one: a contrast that the method does not know yields a surface, too.
 
 use super::body::median;
+use super::limits::BodyLimits;
 use super::shading::Shaded;
 use super::wall::Wall;
 use mammotwin_data::labels::{LabelMap, Tissue};
@@ -54,4 +55,13 @@ pub(super) fn both_breasts(labels: &LabelMap) -> bool {
     let right = count([Tissue::AdiposeRight, Tissue::FibroglandularRight]);
     let left = count([Tissue::AdiposeLeft, Tissue::FibroglandularLeft]);
     right > 0.0 && left > 0.0 && (right / left).ln().abs() < LARGER.ln()
+}
+
+/// The plane of the mid-axillary lines lies at most so far (mm) behind the axis: farther back it is drawn by a wall
+/// that the image does not show.
+const BEHIND_AXIS_MM: f64 = 50.0;
+
+/// Whether the lateral plane lies in the part of the chest that the map of the wall covers.
+pub(super) fn mid_axillary(wall: &Wall, limits: &BodyLimits) -> bool {
+    limits.lateral_y > wall.polar.axis[1] - BEHIND_AXIS_MM
 }

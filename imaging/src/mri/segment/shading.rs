@@ -88,8 +88,7 @@ pub(super) fn estimate_suppressed(
         values: usable.iter().map(|&u| f32::from(u8::from(u))).collect(),
     });
     let usable = |n: usize| share.values[n] > 0.99 && coarse.values[n] > 0.0;
-    let all: Vec<f32> =
-        (0..coarse.values.len()).map(|n| f32::from(u8::from(usable(n)))).collect();
+    let all: Vec<f32> = (0..coarse.values.len()).map(|n| f32::from(u8::from(usable(n)))).collect();
     let first = smooth_logs(&coarse.values, &all, coarse.grid.shape)?;
     let mut passes = SUPPRESSED_FRACTION.to_vec();
     passes.resize(passes.len() + following, FOLLOWING_FRACTION);

@@ -58,7 +58,7 @@ const SEEN: f32 = 0.25;
 const FRONT: f64 = 60.0 * std::f64::consts::PI / 180.0;
 /// Brightness of muscle in the recoloured image, in units of fat.
 const MUSCLE: f32 = 0.25;
-/// The same of gland that is as bright as muscle.
+/// The same of gland of middle brightness.
 const GLAND: f32 = 0.42;
 /// Value of fat in the recoloured image.
 const FAT: f32 = 1000.0;
@@ -88,6 +88,8 @@ struct Evidence {
     seen: f64,
     /// Part of the columns in which the surface of most evidence is the smooth one.
     smooth: f64,
+    /// Brightness of fat over that of air.
+    fat: f64,
 }
 
 /// Finds the wall; `work` is the image on the work grid, `inside` where that lies in the image, `body` and the brightness
@@ -110,6 +112,7 @@ pub(super) fn find(
     }
     let mut fat = fat_where(work, &body, |_, depth| depth < UNDER_SKIN_MM, 0)?;
     let mut fat_of_breast = None;
+    let mut breast_values = Vec::new();
     let mut prior: Option<Vec<f32>> = None;
     let mut seen = None;
     for _ in 0..2 {
@@ -130,17 +133,32 @@ pub(super) fn find(
             radius > f64::from(map.polar.value(&smooth, at)) + BEFORE_WALL_MM
         };
         fat = fat_where(work, &body, |p, _| before(p), 0)?;
-        fat_of_breast = Some(fat_where(work, &body, |p, _| before(p), FOLLOWING)?);
+        let of_breast = fat_where(work, &body, |p, _| before(p), FOLLOWING)?;
+        let deep = |n: &usize| {
+            let p = grid.center(grid.voxel(*n));
+            depth.values[*n] > SKIN_MM + 2.0 && p.y > body.axis[1] && before(&p)
+        };
+        breast_values = (0..grid.len())
+            .filter(deep)
+            .map(|n| f64::from(work.values[n] / of_breast.fat(&grid.center(grid.voxel(n)))))
+            .collect();
+        fat_of_breast = Some(of_breast);
         prior = Some(smooth);
         seen = Some((map, rough));
     }
     let (prior, fat_of_breast, (map, rough)) = (prior?, fat_of_breast?, seen?);
     let none = Bounds::none(map.polar.len());
-    let evidence = Evidence::of(&map.polar, &rough, &prior)?;
+    let fat_over_air = |p: &Vec3| fat.fat(p) / air.0.fat(p);
+    let evidence = Evidence::of(&map.polar, &rough, &prior, fat_over_air)?;
     tracing::debug!(?evidence, "wall behind suppressed fat");
     if !evidence.is_enough() {
         return None;
     }
+
+    // Half of what is clearly no fat in the breast is darker: of lobes many a voxel is shared with fat.
+    let half_way = 0.5 * (1.0 + f64::from(evidence.muscle));
+    breast_values.retain(|value| *value > half_way);
+    let gland = (body::median(&mut breast_values)? as f32).max(evidence.muscle);
 
     let recoloured = |value: f32, fat: f32| FAT * tone(value / fat, evidence.muscle);
     let mut work = work.clone();
@@ -156,7 +174,7 @@ pub(super) fn find(
         for (n, (value, inner)) in values.iter_mut().zip(breast).enumerate() {
             let voxel = image.grid.voxel(k * slice + n).map(|v| v as f64);
             let p = frame.body_from_voxel.apply(&voxel.into());
-            let share = (*value / fat_of_breast.fat(&p) - 1.0) / (evidence.muscle - 1.0);
+            let share = (*value / fat_of_breast.fat(&p) - 1.0) / (gland - 1.0);
             *inner = 1.0 - share.clamp(-0.5, 1.5) * (1.0 - GLAND);
             *value = recoloured(*value, fat.fat(&p));
         }
@@ -314,17 +332,26 @@ fn search(map: &Map, even: &Volume<f32>, depth: &Volume<f32>, prior: Option<&[f3
 
 impl Evidence {
     /// Muscle is this much brighter than fat at least, and seen and smooth are such parts: sound walls of ten scans
-    /// have 1.6, 0.83 and 0.67 at least, that of a scan which ends behind the sternum 0.63 and 0.56.
-    const LEAST: Self = Self { muscle: 1.3, seen: 0.75, smooth: 0.6 };
+    /// have 1.6, 0.83 and 0.67 at least, that of a scan which ends behind the sternum 0.63 and 0.56. Fat that is hardly
+    /// brighter than air cannot be told from lung.
+    const LEAST: Self = Self { muscle: 1.3, seen: 0.75, smooth: 0.6, fat: 2.5 };
     /// A rough surface is smooth where it is so near (mm) to its smooth approximation.
     const NEAR_MM: f32 = 6.0;
 
     fn is_enough(&self) -> bool {
         let least = Self::LEAST;
-        self.muscle >= least.muscle && self.seen >= least.seen && self.smooth >= least.smooth
+        self.muscle >= least.muscle
+            && self.seen >= least.seen
+            && self.smooth >= least.smooth
+            && self.fat >= least.fat
     }
 
-    fn of(polar: &Polar, rough: &Rough, smooth: &[f32]) -> Option<Self> {
+    fn of(
+        polar: &Polar,
+        rough: &Rough,
+        smooth: &[f32],
+        fat_over_air: impl Fn(&Vec3) -> f32,
+    ) -> Option<Self> {
         let front: Vec<usize> = (0..polar.len())
             .filter(|&c| (polar.angle(c) - std::f64::consts::FRAC_PI_2).abs() < FRONT)
             .collect();
@@ -337,10 +364,14 @@ impl Evidence {
             .map(|&c| f64::from(rough.behind[c]))
             .collect();
         let muscle = body::median(&mut behind)? as f32;
+        let before_wall = |c: usize| polar.point(c, f64::from(smooth[c]) + BEFORE_WALL_MM);
+        let mut fat: Vec<f64> =
+            front.iter().map(|&c| f64::from(fat_over_air(&before_wall(c)))).collect();
         Some(Self {
             muscle,
             seen: part(&|c| rough.step[c] > SEEN),
             smooth: part(&|c| (rough.radii[c] - smooth[c]).abs() < Self::NEAR_MM),
+            fat: body::median(&mut fat)?,
         })
     }
 }
