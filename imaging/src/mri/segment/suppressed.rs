@@ -27,6 +27,8 @@ const UNDER_SKIN_MM: f32 = 15.0;
 const BEHIND_AXIS_MM: f64 = 20.0;
 /// Fat is measured beyond this distance (mm) in front of the wall.
 const BEFORE_WALL_MM: f64 = 4.0;
+/// Quantile of the brightness of what is no fat in the breast that stands for gland.
+const GLAND_QUANTILE: f64 = 0.75;
 /// Passes more for the fat of the breast, in which gland is told.
 const FOLLOWING: usize = 6;
 /// Greater depths (mm) under the skin need not be told apart.
@@ -155,10 +157,10 @@ pub(super) fn find(
         return None;
     }
 
-    // Half of what is clearly no fat in the breast is darker: of lobes many a voxel is shared with fat.
+    // Of lobes many a voxel is shared with fat: what is brighter than most that is clearly no fat stands for gland.
     let half_way = 0.5 * (1.0 + f64::from(evidence.muscle));
     breast_values.retain(|value| *value > half_way);
-    let gland = (body::median(&mut breast_values)? as f32).max(evidence.muscle);
+    let gland = (body::quantile(&mut breast_values, GLAND_QUANTILE)? as f32).max(evidence.muscle);
 
     let recoloured = |value: f32, fat: f32| FAT * tone(value / fat, evidence.muscle);
     let mut work = work.clone();
@@ -332,9 +334,9 @@ fn search(map: &Map, even: &Volume<f32>, depth: &Volume<f32>, prior: Option<&[f3
 
 impl Evidence {
     /// Muscle is this much brighter than fat at least, and seen and smooth are such parts: sound walls of ten scans
-    /// have 1.6, 0.83 and 0.67 at least, that of a scan which ends behind the sternum 0.63 and 0.56. Fat that is hardly
-    /// brighter than air cannot be told from lung.
-    const LEAST: Self = Self { muscle: 1.3, seen: 0.75, smooth: 0.6, fat: 2.5 };
+    /// have 1.6, 0.83 and 0.64 at least, that of a scan which ends behind the sternum 0.63 and 0.56. Fat that is hardly
+    /// brighter than air (in sound scans 4.7 times) cannot be told from lung.
+    const LEAST: Self = Self { muscle: 1.3, seen: 0.75, smooth: 0.6, fat: 3.5 };
     /// A rough surface is smooth where it is so near (mm) to its smooth approximation.
     const NEAR_MM: f32 = 6.0;
 
