@@ -40,9 +40,7 @@ fn divided_or_refused(percents: &[u8]) {
                     found.warnings
                 );
                 assert!(found.warnings.contains(&Warning::SuppressedFat));
-                // Of bright gland many a voxel of 3 mm has a share that is brighter than the darkest fat.
-                let least_gland = if percent <= 10 { 0.45 } else { 0.7 };
-                let well = breast > 0.87 && muscle > 0.75 && gland > least_gland;
+                let well = breast > 0.9 && muscle > 0.75 && gland > 0.75;
                 wrong.extend((!well).then_some(percent));
             }
         }
