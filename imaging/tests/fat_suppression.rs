@@ -3,7 +3,7 @@
 use crate::phantom;
 
 use mammotwin_data::{labels::Tissue, progress::Silent, rigid::RigidTransform};
-use mammotwin_imaging::mri::segment::{Options, SegmentError, segment};
+use mammotwin_imaging::mri::segment::{Options, SegmentError, Warning, segment};
 use phantom::{Contrast, Gland, dice, is_gland, picture_of};
 
 /// From fat in the noise to fat that is nearly as bright as muscle (45), each either divided as it was made
@@ -39,6 +39,7 @@ fn divided_or_refused(percents: &[u8]) {
                     "fat {percent}: breast {breast:.3}, muscle {muscle:.3}, gland {gland:.3}, {:?}",
                     found.warnings
                 );
+                assert!(found.warnings.contains(&Warning::SuppressedFat));
                 let well = breast > 0.9 && muscle > 0.75 && gland > 0.75;
                 wrong.extend((!well).then_some(percent));
             }

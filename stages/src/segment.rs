@@ -26,9 +26,9 @@ pub struct Segment;
 
 impl Stage for Segment {
     const NAME: &'static str = "segment";
-    const VERSION: u32 = 7;
+    const VERSION: u32 = 8;
     const METHODS: &'static str = "Images were segmented automatically after correction of the coil shading: body by \
-         threshold, chest wall as an optimal smooth surface between fat and muscle, gland by \
+         threshold, chest wall as an optimal smooth surface between fat and muscle (bright fat, or suppressed and darker fat), gland by \
          clustering; where a study gives scribbles, the brightness of the tissues was learnt from them.";
     type Input = (Volume<f32>, Option<Start>, Option<Scribbles>);
     type Output = LabelMap;

@@ -27,6 +27,7 @@ const FLANK_MM: f64 = 30.0;
 const AXIS_DEPTH_MM: f64 = 110.0;
 
 /// The body on the work grid.
+#[derive(Debug, Clone)]
 pub(super) struct Body {
     /// Whether a voxel is in the body, lungs and other dark hollows included.
     pub mask: Vec<bool>,

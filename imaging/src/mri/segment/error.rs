@@ -52,9 +52,10 @@ pub enum SegmentError {
         "no body in the image: all voxels have about the same brightness; check that this is the scan and not a mask or a localiser"
     )]
     Empty,
-    /// There is a body, but no bright fat in front of darker muscle.
+    /// There is a body, but neither bright fat in front of darker muscle nor suppressed fat in front of brighter
+    /// muscle.
     #[error(
-        "no chest wall found: expected bright fat in front of dark muscle; give an image without fat suppression, a `body_frame` if the body is turned, scribbles or finished labels"
+        "no chest wall found: expected bright fat in front of dark muscle, or dark (suppressed) fat in front of brighter muscle; give an image without fat suppression, a `body_frame` if the body is turned, scribbles or finished labels"
     )]
     NoChestWall,
     /// There is a body and a chest wall, but nothing in front of it.
@@ -100,6 +101,12 @@ pub enum Warning {
         /// Cross-section at the border, relative to the largest (%).
         percent: f64,
     },
+    /// Fat is suppressed.
+    #[error(
+        "fat is suppressed in this image: the chest wall is less sure than without, and bright fat near a coil or \
+         where the suppression fails counts as gland; look at the labels"
+    )]
+    SuppressedFat,
     /// The wall is interpolated over much of the breast.
     #[error(
         "the chest wall is visible behind only {percent:.0} % of the breasts; between, it is interpolated"

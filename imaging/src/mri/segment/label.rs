@@ -37,12 +37,14 @@ pub(super) fn brightness(shaded: &Shaded) -> Volume<f32> {
     Volume { grid: grid.clone(), values }
 }
 
-/// The body on the image's grid: decided by the voxel itself near the surface, else by `body`.
+/// The body on the image's grid: decided by the voxel itself near the surface, where tissue is brighter than
+/// `air_below` of its place (in units of fat), else by `body`.
 pub(super) fn body_mask(
     shaded: &Shaded,
     brightness: &Volume<f32>,
     work: &Volume<f32>,
     body: &Body,
+    air_below: impl Fn(&Vec3) -> f32 + Sync,
 ) -> Vec<bool> {
     // Voxels of the work grid within this distance of the surface are looked at closely.
     const NEAR: usize = 2;
@@ -59,9 +61,7 @@ pub(super) fn body_mask(
             let p = shaded.frame.body_from_voxel.apply(&voxel);
             let at = nearest(work, &p);
             *inside = inner[at] < 0.5
-                || (outer[at] > 0.5
-                    && brightness.values[k * slice + n]
-                        > body::air_below(shaded.field.fat(&p), shaded.field.brightest));
+                || (outer[at] > 0.5 && brightness.values[k * slice + n] > air_below(&p));
         }
     });
     // Noise beside the body: the majority of a neighbourhood in the slice decides, and what does not

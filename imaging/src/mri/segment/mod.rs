@@ -1,10 +1,11 @@
-//! Fully automatic segmentation of a breast MRI without fat suppression.
+//! Fully automatic segmentation of a breast MRI, without or with fat suppression.
 //!
 //! One file a step: `frame` turns the image into the body's own axes, `body` finds the air
 //! around it, `shading` learns how bright fat is at each place, `wall` finds the chest wall as
 //! a smooth optimal surface (`search`) over a map about the thorax' axis (`polar`),
 //! `limits` says where the breasts end, `tissue` parts gland and fat, and `label` writes it
-//! all on the image's own grid. What a person marked teaches and binds them (`scribble`).
+//! all on the image's own grid. What a person marked teaches and binds them (`scribble`). Where no wall of bright
+//! fat before dark muscle is found, one of dark fat before brighter muscle is looked for (`suppressed`).
 //!
 //! The breasts end by convention: at the sternal plane of symmetry, at the lateral plane through
 //! the thorax' mid-depth (mid-axillary line), and 12 mm above and below where the tissue in front of
@@ -25,6 +26,7 @@ mod rear;
 mod scribble;
 mod search;
 mod shading;
+mod suppressed;
 mod tissue;
 mod wall;
 
@@ -105,9 +107,11 @@ pub struct Limits {
 
 /// A wall that is seen on less than this part of it is a guess.
 const LEAST_SEEN: f64 = 0.35;
+/// The same where fat is suppressed: a surface that is none is seen in part, too.
+const LEAST_SEEN_SUPPRESSED: f64 = 0.5;
 
 /// Segments a scan. Deterministic; the image needs bright fat and dark muscle (T2 or T1 weighted,
-/// without fat suppression).
+/// without fat suppression), or suppressed fat that is darker than muscle and brighter than lung.
 pub fn segment(
     image: &Volume<f32>,
     options: &Options,
@@ -148,15 +152,16 @@ pub fn segment_marked(
     let tissue_from = filter::otsu(positive).ok_or(SegmentError::Empty)?.exp();
     let mut body = body::find(&work, &inside, |_| tissue_from).ok_or(SegmentError::Empty)?;
     let mut field = None;
-    let mut brightness_of_work = work.clone();
+    let raw = work;
+    let mut brightness_of_work = raw.clone();
     // The second time the shading is measured where the first one saw the body.
     for _ in 0..2 {
-        let found = shading::estimate(&work, &body.mask, tissue_from).ok_or(SegmentError::Empty)?;
-        let grid = &work.grid;
+        let found = shading::estimate(&raw, &body.mask, tissue_from).ok_or(SegmentError::Empty)?;
+        let grid = &raw.grid;
         let fat: Vec<f32> =
             (0..grid.len()).map(|n| found.fat(&grid.center(grid.voxel(n)))).collect();
         for n in 0..fat.len() {
-            brightness_of_work.values[n] = work.values[n] / fat[n];
+            brightness_of_work.values[n] = raw.values[n] / fat[n];
         }
         let tissue_from = |n: usize| body::faintest(fat[n], found.brightest);
         body = body::find(&brightness_of_work, &inside, tissue_from).ok_or(SegmentError::Empty)?;
@@ -167,29 +172,58 @@ pub fn segment_marked(
     let shaded = Shaded { image, frame: &frame, field: &field };
 
     progress.report(0.5, "chest wall");
-    let wall = wall::find(&work, &shaded, &body, &marks).ok_or(SegmentError::NoChestWall)?;
-    // What a person marked may have another contrast, and holds.
-    if scribbles.is_none() && !plausible::muscle_behind_fat(&wall, &shaded) {
-        return Err(SegmentError::NoChestWall);
-    }
+    let usual = wall::find(&work, &shaded, &body, &marks)
+        // What a person marked may have another contrast, and holds.
+        .filter(|wall| scribbles.is_some() || plausible::muscle_behind_fat(wall, &shaded));
+    let suppressed = match (&usual, scribbles) {
+        (None, None) => suppressed::find(image, &frame, &raw, &inside, &body, &field),
+        _ => None,
+    };
+    let suppressed = suppressed.as_ref();
+    let wall =
+        usual.as_ref().or(suppressed.map(|found| &found.wall)).ok_or(SegmentError::NoChestWall)?;
 
     progress.report(0.7, "breast limits");
-    let limits = limits::find(&wall).ok_or(SegmentError::NoBreast)?;
+    let limits = limits::find(wall).ok_or(SegmentError::NoBreast)?;
+    if suppressed.is_some() && !plausible::mid_axillary(wall, &limits) {
+        return Err(SegmentError::NoChestWall);
+    }
     let mut warnings = border::check_heights(&limits)?;
 
     progress.report(0.75, "labels");
+    // The body is told in the image itself, tissues in one of the known contrast.
     let brightness = label::brightness(&shaded);
-    let mask = label::body_mask(&shaded, &brightness, &work, &body);
-    let inner = recoloured.as_ref().map_or(&brightness, |found| &found.breast);
+    let (mask, breast) = match suppressed {
+        Some(found) => {
+            let air_below = |p: &Vec3| found.air.voxel_from(p, &field) / field.fat(p);
+            let mask = label::body_mask(&shaded, &brightness, &work, &found.body, air_below);
+            (mask, Some(&found.breast))
+        }
+        None => {
+            let air_below = |p: &Vec3| body::air_below(field.fat(p), field.brightest);
+            let mask = label::body_mask(&shaded, &brightness, &work, &body, air_below);
+            (mask, recoloured.as_ref().map(|found| &found.breast))
+        }
+    };
+    let brightness = breast.unwrap_or(&brightness);
+    let shaded = match suppressed {
+        Some(found) => Shaded { image: &found.image, frame: &frame, field: &found.flat },
+        None => shaded,
+    };
+    let field = suppressed.map_or(&field, |found| &found.fat);
     let (labels, classes) =
-        label::assign(&shaded, inner, &mask, &wall, &limits, &marks, options.skin_mm);
+        label::assign(&shaded, brightness, &mask, wall, &limits, &marks, options.skin_mm);
 
     border::check_faces(&labels, &frame, &limits)?;
 
     let wall_seen =
         wall.contrast.iter().filter(|c| **c > 0.3).count() as f64 / wall.contrast.len() as f64;
-    if wall_seen < LEAST_SEEN {
+    let least_seen = if suppressed.is_some() { LEAST_SEEN_SUPPRESSED } else { LEAST_SEEN };
+    if wall_seen < least_seen || (suppressed.is_some() && !plausible::both_breasts(&labels)) {
         return Err(SegmentError::NoChestWall);
+    }
+    if suppressed.is_some() {
+        warnings.push(Warning::SuppressedFat);
     }
     if wall_seen < 0.6 {
         warnings.push(Warning::FaintWall { percent: 100.0 * wall_seen });

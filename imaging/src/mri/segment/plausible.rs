@@ -1,8 +1,10 @@
 //! Whether the wall that was found can be one: a contrast that the method does not know yields a surface, too.
 
 use super::body::median;
+use super::limits::BodyLimits;
 use super::shading::Shaded;
 use super::wall::Wall;
+use mammotwin_data::labels::{LabelMap, Tissue};
 
 /// Half width (rad) of the front of the chest that is looked at.
 const FRONT: f64 = 60.0 * std::f64::consts::PI / 180.0;
@@ -40,4 +42,26 @@ pub(super) fn muscle_behind_fat(wall: &Wall, shaded: &Shaded) -> bool {
     // Without enough tissue in front of the wall this says nothing.
     let found = median(&mut ratios).unwrap_or(1.0);
     (ALIKE[0]..=ALIKE[1]).contains(&found) && wall.rear.seen >= REAR_SEEN
+}
+
+/// One breast is at most so many times as large as the other, where the contrast is less sure.
+const LARGER: f64 = 2.5;
+
+/// Whether both breasts are there and of about one size.
+pub(super) fn both_breasts(labels: &LabelMap) -> bool {
+    let count = |tissues: [Tissue; 2]| {
+        labels.values.iter().filter(|tissue| tissues.contains(tissue)).count() as f64
+    };
+    let right = count([Tissue::AdiposeRight, Tissue::FibroglandularRight]);
+    let left = count([Tissue::AdiposeLeft, Tissue::FibroglandularLeft]);
+    right > 0.0 && left > 0.0 && (right / left).ln().abs() < LARGER.ln()
+}
+
+/// The plane of the mid-axillary lines lies at most so far (mm) behind the axis: farther back it is drawn by a wall
+/// that the image does not show.
+const BEHIND_AXIS_MM: f64 = 50.0;
+
+/// Whether the lateral plane lies in the part of the chest that the map of the wall covers.
+pub(super) fn mid_axillary(wall: &Wall, limits: &BodyLimits) -> bool {
+    limits.lateral_y > wall.polar.axis[1] - BEHIND_AXIS_MM
 }

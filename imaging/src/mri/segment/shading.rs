@@ -17,6 +17,13 @@ const SHELL_MM: f64 = 32.0;
 /// Voxels this much darker than fat at their place are not fat; pass by pass.
 const FAT_FRACTION: [f32; 5] = [0.6, 0.6, 0.65, 0.7, 0.75];
 
+/// Where fat is suppressed, it lies between these fractions of the field; pass by pass. The first field is a mean of
+/// all tissue, so that the first passes take what is darker.
+const SUPPRESSED_FRACTION: [[f32; 2]; 6] =
+    [[0.4, 1.0], [0.4, 1.0], [0.5, 1.05], [0.6, 1.1], [0.65, 1.15], [0.65, 1.2]];
+/// The same in further passes.
+const FOLLOWING_FRACTION: [f32; 2] = [0.65, 1.3];
+
 /// Fat far from the coils is at least this fraction of the brightest fat; fainter is noise.
 const FAINTEST_FAT: f32 = 0.15;
 /// The field is nowhere below this fraction of the brightest fat, so that noise far from the coils
@@ -59,18 +66,71 @@ pub(super) fn estimate(work: &Volume<f32>, body: &[bool], tissue_from: f32) -> O
     let usable = |n: usize| no_air[n] && near_air.values[n] > 0.5 && coarse.values[n] > fat_from;
     let mut envelope = coarse.values.clone();
     filter::maximum(&mut envelope, shape, (FAT_WITHIN_MM / SPACING_MM) as usize);
-    let mut field: Vec<f32> = envelope.iter().map(|v| v.max(tissue_from).ln()).collect();
-    for darkest in FAT_FRACTION {
-        let is_fat = |n: usize| {
-            let ratio = coarse.values[n] / field[n].exp();
-            usable(n) && ratio > darkest && ratio < 1.0 / darkest
-        };
-        let weight: Vec<f32> = (0..field.len()).map(|n| f32::from(u8::from(is_fat(n)))).collect();
-        field = smooth_logs(&coarse.values, &weight, shape)?;
-    }
+    let first: Vec<f32> = envelope.iter().map(|v| v.max(tissue_from).ln()).collect();
+    let passes = FAT_FRACTION.map(|darkest| [darkest, 1.0 / darkest]);
+    let mut field = settled(&coarse, usable, first, &passes)?;
     let floor = (FAINTEST_FIELD * brightest).ln();
     field.iter_mut().for_each(|f| *f = f.max(floor));
     Some(Field { log: Volume { grid: coarse.grid, values: field }, brightest })
+}
+
+/// The same where fat is suppressed: the darkest tissue among voxels of the work grid that are `usable`, which
+/// hold fat, gland and vessels but neither air nor lung. With `following` passes more the field climbs where fat gets
+/// brighter within millimetres, near a coil, and a thin layer of muscle draws it up as well. `None` if there are none.
+pub(super) fn estimate_suppressed(
+    work: &Volume<f32>,
+    usable: &[bool],
+    following: usize,
+) -> Option<Field> {
+    let coarse = shrink(work);
+    let share = shrink(&Volume {
+        grid: work.grid.clone(),
+        values: usable.iter().map(|&u| f32::from(u8::from(u))).collect(),
+    });
+    let usable = |n: usize| share.values[n] > 0.99 && coarse.values[n] > 0.0;
+    let all: Vec<f32> = (0..coarse.values.len()).map(|n| f32::from(u8::from(usable(n)))).collect();
+    let first = smooth_logs(&coarse.values, &all, coarse.grid.shape)?;
+    let mut passes = SUPPRESSED_FRACTION.to_vec();
+    passes.resize(passes.len() + following, FOLLOWING_FRACTION);
+    let log = settled(&coarse, usable, first, &passes)?;
+    let mut bright: Vec<f64> =
+        (0..log.len()).filter(|&n| usable(n)).map(|n| f64::from(log[n].exp())).collect();
+    let brightest = quantile(&mut bright, 0.98)? as f32;
+    Some(Field { log: Volume { grid: coarse.grid, values: log }, brightest })
+}
+
+/// Brightness of what `is` air on the work grid, everywhere. `None` if there is none.
+pub(super) fn estimate_air(work: &Volume<f32>, is: &[bool]) -> Option<Field> {
+    let coarse = shrink(work);
+    let share = shrink(&Volume {
+        grid: work.grid.clone(),
+        values: is.iter().map(|&u| f32::from(u8::from(u))).collect(),
+    });
+    let all: Vec<f32> = (0..coarse.values.len())
+        .map(|n| f32::from(u8::from(share.values[n] > 0.99 && coarse.values[n] > 0.0)))
+        .collect();
+    let values = smooth_logs(&coarse.values, &all, coarse.grid.shape)?;
+    Some(Field { log: Volume { grid: coarse.grid, values }, brightest: 0.0 })
+}
+
+/// A field of fat from a `first` guess: pass by pass, fat are those `usable` voxels that lie between two fractions
+/// of it.
+fn settled(
+    coarse: &Volume<f32>,
+    usable: impl Fn(usize) -> bool,
+    first: Vec<f32>,
+    passes: &[[f32; 2]],
+) -> Option<Vec<f32>> {
+    let mut field = first;
+    for [least, greatest] in passes {
+        let is_fat = |n: usize| {
+            let ratio = coarse.values[n] / field[n].exp();
+            usable(n) && ratio > *least && ratio < *greatest
+        };
+        let weight: Vec<f32> = (0..field.len()).map(|n| f32::from(u8::from(is_fat(n)))).collect();
+        field = smooth_logs(&coarse.values, &weight, coarse.grid.shape)?;
+    }
+    Some(field)
 }
 
 /// Normalised convolution of ln(values): wide, and narrow where there is enough fat.
@@ -122,6 +182,13 @@ fn shrink(work: &Volume<f32>) -> Volume<f32> {
 }
 
 impl Field {
+    /// The same brightness everywhere between two corners (mm, body's axes).
+    pub(super) fn flat(fat: f32, low: &Vec3) -> Self {
+        let grid = Grid::aligned([2; 3], [SPACING_MM; 3], *low);
+        let values = vec![fat.ln(); grid.len()];
+        Self { log: Volume { grid, values }, brightest: fat }
+    }
+
     /// Brightness of fat at a point (mm, body's axes).
     pub(super) fn fat(&self, p: &Vec3) -> f32 {
         let grid = &self.log.grid;

@@ -11,7 +11,7 @@ use super::shading::Shaded;
 use mammotwin_data::Vec3;
 use mammotwin_data::rigid::RigidTransform;
 use mammotwin_data::surface::TriMesh;
-use mammotwin_data::volume::Volume;
+use mammotwin_data::volume::{Grid, Volume};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -88,15 +88,7 @@ impl Wall {
 /// Finds the wall. `work` is brightness in units of fat on the work grid, `fine` on the image.
 /// `None` if hardly any dark tissue lies under the fat.
 pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body, marks: &Marks) -> Option<Wall> {
-    let grid = &work.grid;
-    let spacing = grid.spacing_mm()[0];
-    let high_z = grid.origin.z + (grid.shape[2] - 1) as f64 * spacing;
-    let polar = Polar::new(body.axis, grid.origin.z, high_z);
-    let mut tissue = Volume {
-        grid: grid.clone(),
-        values: body.mask.iter().map(|&b| f32::from(u8::from(b))).collect(),
-    };
-    let surface = outermost(&polar, &tissue);
+    let Map { polar, surface, tissue } = Map::new(&work.grid, body);
     let bounds = marks.bounds(&polar);
     let fat_above = fat_above(work, body);
     let core = dark_core(work, &tissue, &fat_above, marks);
@@ -116,15 +108,51 @@ pub(super) fn find(work: &Volume<f32>, fine: &Shaded, body: &Body, marks: &Marks
         outer_dark[column] = bounds.front(column, outer_dark[column]);
     }
     let prior = near_elliptic(&polar, &outer_dark, &surface, &bounds)?;
-    fill_inside(&mut tissue, &polar, &prior, COVER_OF_PRIOR_MM);
-    let rough = search_front(&polar, work, &tissue, &prior, &surface, &fat_above, &bounds);
-    let (mut front, contrast) = refine(&polar, fine, &rough, &bounds);
+    let map = Map { polar, surface, tissue };
+    Some(near(map, &prior, work, fine, &fat_above, &bounds, body.whole_back))
+}
+
+/// The map that a wall is looked for in.
+pub(super) struct Map {
+    pub polar: Polar,
+    /// Outermost radius (mm) at which there is body, one for each column.
+    pub surface: Vec<f32>,
+    /// 1 in the body, on the work grid.
+    pub tissue: Volume<f32>,
+}
+
+impl Map {
+    pub(super) fn new(grid: &Grid, body: &Body) -> Self {
+        let spacing = grid.spacing_mm()[0];
+        let high_z = grid.origin.z + (grid.shape[2] - 1) as f64 * spacing;
+        let polar = Polar::new(body.axis, grid.origin.z, high_z);
+        let values = body.mask.iter().map(|&b| f32::from(u8::from(b))).collect();
+        let tissue = Volume { grid: grid.clone(), values };
+        let surface = outermost(&polar, &tissue);
+        Self { polar, surface, tissue }
+    }
+}
+
+/// The wall near a first approximation of its front.
+pub(super) fn near(
+    map: Map,
+    prior: &[f32],
+    work: &Volume<f32>,
+    fine: &Shaded,
+    fat_above: &[f32],
+    bounds: &Bounds,
+    whole_back: bool,
+) -> Wall {
+    let Map { polar, surface, mut tissue } = map;
+    fill_inside(&mut tissue, &polar, prior, COVER_OF_PRIOR_MM);
+    let rough = search_front(&polar, work, &tissue, prior, &surface, fat_above, bounds);
+    let (mut front, contrast) = refine(&polar, fine, &rough, bounds);
     // Columns that leave the image inside of the body show no surface.
     for (front, surface) in front.iter_mut().zip(&surface).filter(|(_, surface)| **surface > 0.0) {
         *front = front.min(surface - THINNEST_COVER_MM).max(1.0);
     }
-    let rear = rear::search(&polar, fine, &front, &contrast, &bounds);
-    Some(Wall { polar, front, rear, surface, contrast, whole_back: body.whole_back })
+    let rear = rear::search(&polar, fine, &front, &contrast, bounds);
+    Wall { polar, front, rear, surface, contrast, whole_back }
 }
 
 /// Sets to one what lies more than `margin` (mm) inside of a map of radii: whatever has leaked
@@ -159,7 +187,7 @@ fn outermost(polar: &Polar, mask: &Volume<f32>) -> Vec<f32> {
 
 /// What parts fat and darker tissue, in units of fat, in each slice of the work grid: a third of the
 /// way from the brighter organs behind the wall to fat.
-fn fat_above(work: &Volume<f32>, body: &Body) -> Vec<f32> {
+pub(super) fn fat_above(work: &Volume<f32>, body: &Body) -> Vec<f32> {
     let grid = &work.grid;
     let slice = grid.shape[0] * grid.shape[1];
     let near_axis = |n: &usize| {
@@ -242,7 +270,7 @@ fn dark_core(
 ///
 /// Chebyshev polynomials of the angle and the height, fitted with Tukey's biweight: gland that
 /// touches the muscle lies outside of the wall and loses its weight.
-fn near_elliptic(
+pub(super) fn near_elliptic(
     polar: &Polar,
     outer_dark: &[f32],
     surface: &[f32],
