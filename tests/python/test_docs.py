@@ -112,9 +112,10 @@ def test_the_keys_of_a_study_are_those_of_the_program(heading, keys, tmp_path):
     if not program.exists():
         pytest.skip("no program")
     names = {"The whole file": "", "poses.NAME": "poses.supine", "scans.NAME": "scans.upright", "records.SIDE": "records.right"}
+    names |= {"model.arms.NAME": "model.arms.upright"}
     names |= {"model.skin, model.fascia": "model.skin", "constants": "model.breast.constants"}
     table = names.get(heading, heading)
-    lists = {"mammogram.masses"}
+    lists = {"mammogram.masses", "model.arms.upright"}
     head = f"[[{table}]]\n" if table in lists else f"[{table}]\n" if table else ""
     (tmp_path / "study.toml").write_text(f"{head}nonesuch = 1\n")
     done = subprocess.run([program, "check", tmp_path / "study.toml"], capture_output=True, text=True)
