@@ -84,3 +84,32 @@ impl Target for Capsule {
         Sphere { center: if along <= 0.0 { from } else { to }, radius_mm }.distance(point)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Verifies: distance to an arm and its derivatives, beside it and at both ends | cylinder and sphere in closed form; differences | 1e-12, 1e-6
+    #[test]
+    fn an_arm_is_a_cylinder_with_round_ends() {
+        let (from, to) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(1.0, 2.0, 43.0));
+        let arm = Capsule { ends: [from, to], radius_mm: 10.0 };
+        for (point, wanted) in [
+            (Vec3::new(21.0, 2.0, 20.0), 10.0),
+            (Vec3::new(1.0, -4.0, 30.0), -4.0),
+            (Vec3::new(4.0, 2.0, -1.0), -5.0),
+            (Vec3::new(13.0, 18.0, 58.0), 15.0),
+        ] {
+            let (distance, slope, curvature) = arm.distance(&point);
+            assert!((distance - wanted).abs() < 1e-12, "{point}: {distance}");
+            for axis in 0..3 {
+                let mut step = Vec3::zeros();
+                step[axis] = 1e-5;
+                let (ahead, behind) =
+                    (arm.distance(&(point + step)), arm.distance(&(point - step)));
+                assert!(((ahead.0 - behind.0) / 2e-5 - slope[axis]).abs() < 1e-6);
+                assert!(((ahead.1 - behind.1) / 2e-5 - curvature.column(axis)).norm() < 1e-6);
+            }
+        }
+    }
+}
