@@ -76,8 +76,8 @@ impl Wall {
             Self::Bonded => "bonded",
             Self::Sliding => "sliding",
             Self::Rubbing => "friction 0.1",
-            Self::OnMuscle => "bonded, muscle of 10 kPa",
-            Self::SlidingOnMuscle => "sliding, muscle of 10 kPa",
+            Self::OnMuscle => "bonded to soft muscle",
+            Self::SlidingOnMuscle => "sliding on soft muscle",
         }
     }
 
