@@ -140,8 +140,8 @@ impl Newton {
         Ok(())
     }
 
-    /// Moves `state` to a minimum of the energy, or as near to it as contacts know what they touch; `first` are the second derivatives of the first iteration. On failure
-    /// the state is the lowest one reached.
+    /// Moves `state` to a minimum of the energy, or as near to it as contacts know what they touch; `first` are the second
+    /// derivatives of the first iteration. On failure the state is the lowest one reached.
     ///
     /// # Errors
     /// How the search failed.

@@ -124,12 +124,14 @@ impl Front {
         for _ in 0..LONGEST_WAY {
             let Some(parts) = self.parts(at.face, x, points) else { break };
             let left = |n: &usize| parts[*n] < STAYS[usize::from(from.returns)];
-            at.beyond = (0..3).any(|n| left(&n));
             let next =
                 (0..3).filter(left).filter_map(|n| Some((n, self.next[at.face as usize][n]?)));
             match next.min_by(|(m, _), (n, _)| parts[*m].total_cmp(&parts[*n])) {
                 Some((_, next)) => at.face = next,
-                None => break,
+                None => {
+                    at.beyond = (0..3).any(|n| left(&n));
+                    break;
+                }
             }
         }
         if (at.face, at.beyond) == (from.face, from.beyond) {

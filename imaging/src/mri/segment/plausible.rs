@@ -7,7 +7,7 @@ use super::wall::Wall;
 use mammotwin_data::labels::{LabelMap, Tissue};
 
 /// Half width (rad) of the front of the chest that is looked at.
-const FRONT: f64 = 60.0 * std::f64::consts::PI / 180.0;
+pub(super) const FRONT: f64 = 60.0 * std::f64::consts::PI / 180.0;
 /// Behind less tissue than this (mm) lies hardly any fat.
 const THICK_MM: f32 = 14.0;
 /// Depth (mm) under the surface at which fat is looked at: behind the skin.

@@ -83,12 +83,8 @@ pub(super) fn estimate_suppressed(
     following: usize,
 ) -> Option<Field> {
     let coarse = shrink(work);
-    let share = shrink(&Volume {
-        grid: work.grid.clone(),
-        values: usable.iter().map(|&u| f32::from(u8::from(u))).collect(),
-    });
-    let usable = |n: usize| share.values[n] > 0.99 && coarse.values[n] > 0.0;
-    let all: Vec<f32> = (0..coarse.values.len()).map(|n| f32::from(u8::from(usable(n)))).collect();
+    let all = wholly(work, &coarse, usable);
+    let usable = |n: usize| all[n] > 0.0;
     let first = smooth_logs(&coarse.values, &all, coarse.grid.shape)?;
     let mut passes = SUPPRESSED_FRACTION.to_vec();
     passes.resize(passes.len() + following, FOLLOWING_FRACTION);
@@ -102,15 +98,16 @@ pub(super) fn estimate_suppressed(
 /// Brightness of what `is` air on the work grid, everywhere. `None` if there is none.
 pub(super) fn estimate_air(work: &Volume<f32>, is: &[bool]) -> Option<Field> {
     let coarse = shrink(work);
-    let share = shrink(&Volume {
-        grid: work.grid.clone(),
-        values: is.iter().map(|&u| f32::from(u8::from(u))).collect(),
-    });
-    let all: Vec<f32> = (0..coarse.values.len())
-        .map(|n| f32::from(u8::from(share.values[n] > 0.99 && coarse.values[n] > 0.0)))
-        .collect();
-    let values = smooth_logs(&coarse.values, &all, coarse.grid.shape)?;
+    let values = smooth_logs(&coarse.values, &wholly(work, &coarse, is), coarse.grid.shape)?;
     Some(Field { log: Volume { grid: coarse.grid, values }, brightest: 0.0 })
+}
+
+/// 1 where a coarse voxel is not dark and all of it is what `is` says of the work grid, else 0.
+fn wholly(work: &Volume<f32>, coarse: &Volume<f32>, is: &[bool]) -> Vec<f32> {
+    let values = is.iter().map(|&is| f32::from(u8::from(is))).collect();
+    let share = shrink(&Volume { grid: work.grid.clone(), values });
+    let whole = share.values.iter().zip(&coarse.values);
+    whole.map(|(share, value)| f32::from(u8::from(*share > 0.99 && *value > 0.0))).collect()
 }
 
 /// A field of fat from a `first` guess: pass by pass, fat are those `usable` voxels that lie between two fractions
@@ -182,7 +179,7 @@ fn shrink(work: &Volume<f32>) -> Volume<f32> {
 }
 
 impl Field {
-    /// The same brightness everywhere between two corners (mm, body's axes).
+    /// The same brightness everywhere; `low` is any corner (mm, body's axes).
     pub(super) fn flat(fat: f32, low: &Vec3) -> Self {
         let grid = Grid::aligned([2; 3], [SPACING_MM; 3], *low);
         let values = vec![fat.ln(); grid.len()];

@@ -10,6 +10,7 @@
 use super::body::{self, Body};
 use super::depth;
 use super::frame::{Frame, sample_clamped};
+use super::plausible::FRONT;
 use super::polar::Polar;
 use super::scribble::Bounds;
 use super::search::{Columns, optimal_surface};
@@ -56,8 +57,6 @@ const OFF: f32 = 0.3;
 const STEP_COST: f32 = 0.12;
 /// A step of this part of a clear one shows the wall.
 const SEEN: f32 = 0.25;
-/// Half width (rad) of the front of the chest, on which the wall is judged.
-const FRONT: f64 = 60.0 * std::f64::consts::PI / 180.0;
 /// Brightness of muscle in the recoloured image, in units of fat.
 const MUSCLE: f32 = 0.25;
 /// The same of gland of middle brightness.
@@ -112,16 +111,19 @@ pub(super) fn find(
         body = body::find(work, inside, from)?;
         air = Air::of(work, inside, &body)?;
     }
-    let mut fat = fat_where(work, &body, |_, depth| depth < UNDER_SKIN_MM, 0)?;
+    let depth = depth_in(&body, grid);
+    let map = Map::new(grid, &body);
+    let none = Bounds::none(map.polar.len());
+    let fat_where = |is_breast: &dyn Fn(&Vec3, f32) -> bool, following: usize| {
+        fat_where(work, &body, &depth, is_breast, following)
+    };
+    let mut fat = fat_where(&|_, depth| depth < UNDER_SKIN_MM, 0)?;
     let mut fat_of_breast = None;
     let mut breast_values = Vec::new();
     let mut prior: Option<Vec<f32>> = None;
     let mut seen = None;
     for _ in 0..2 {
-        let map = Map::new(grid, &body);
-        let none = Bounds::none(map.polar.len());
         let even = evened(work, &fat);
-        let depth = depth_in(&body, grid);
         let rough = search(&map, &even, &depth, prior.as_deref());
         let known: Vec<f32> = rough
             .radii
@@ -134,8 +136,8 @@ pub(super) fn find(
             let (radius, at) = map.polar.locate(p);
             radius > f64::from(map.polar.value(&smooth, at)) + BEFORE_WALL_MM
         };
-        fat = fat_where(work, &body, |p, _| before(p), 0)?;
-        let of_breast = fat_where(work, &body, |p, _| before(p), FOLLOWING)?;
+        fat = fat_where(&|p, _| before(p), 0)?;
+        let of_breast = fat_where(&|p, _| before(p), FOLLOWING)?;
         let deep = |n: &usize| {
             let p = grid.center(grid.voxel(*n));
             depth.values[*n] > SKIN_MM + 2.0 && p.y > body.axis[1] && before(&p)
@@ -146,10 +148,9 @@ pub(super) fn find(
             .collect();
         fat_of_breast = Some(of_breast);
         prior = Some(smooth);
-        seen = Some((map, rough));
+        seen = Some(rough);
     }
-    let (prior, fat_of_breast, (map, rough)) = (prior?, fat_of_breast?, seen?);
-    let none = Bounds::none(map.polar.len());
+    let (prior, fat_of_breast, rough) = (prior?, fat_of_breast?, seen?);
     let fat_over_air = |p: &Vec3| fat.fat(p) / air.0.fat(p);
     let evidence = Evidence::of(&map.polar, &rough, &prior, fat_over_air)?;
     tracing::debug!(?evidence, "wall behind suppressed fat");
@@ -207,11 +208,11 @@ fn depth_in(body: &Body, grid: &Grid) -> Volume<f32> {
 fn fat_where(
     work: &Volume<f32>,
     body: &Body,
-    is_breast: impl Fn(&Vec3, f32) -> bool,
+    depth: &Volume<f32>,
+    is_breast: &dyn Fn(&Vec3, f32) -> bool,
     following: usize,
 ) -> Option<Field> {
     let grid = &work.grid;
-    let depth = depth_in(body, grid);
     let usable = |n: usize| {
         let (p, depth) = (grid.center(grid.voxel(n)), depth.values[n]);
         p.y > body.axis[1] - BEHIND_AXIS_MM && depth > SKIN_MM && is_breast(&p, depth)
