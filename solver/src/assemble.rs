@@ -9,7 +9,7 @@ pub mod moved;
 mod shift;
 mod slots;
 
-use crate::linear::{Ldlt, LinearError, Pattern};
+use crate::linear::{Ldlt, LinearError, Pattern, Precision};
 use crate::model::{Model, ModelError};
 use crate::terms::{At, Block, ContactCheck, Curvature, Load, Order, Refusal, Term};
 pub use analysis::Analyses;
@@ -78,7 +78,9 @@ impl Assembly {
 
     fn of(model: &Model, analyses: &Analyses, moved: &Moved) -> Result<Self, AssemblyError> {
         let analysis = analyses.of(model, &moved.terms(model))?;
-        let compliance = analysis.compliance.clone().map(Ldlt::new).transpose()?;
+        let compliance = analysis.compliance.clone();
+        let compliance =
+            compliance.map(|shared| Ldlt::new(shared, Precision::Double)).transpose()?;
         let constant = vec![0.0; analysis.system.pattern().rows.len()];
         let mut assembly = Self { analysis, constant, compliance };
         assembly.renew(model)?;
@@ -89,8 +91,8 @@ impl Assembly {
     ///
     /// # Errors
     /// [`LinearError::Memory`].
-    pub fn system(&self) -> Result<Ldlt, LinearError> {
-        Ldlt::new(self.analysis.system.clone())
+    pub fn system(&self, precision: Precision) -> Result<Ldlt, LinearError> {
+        Ldlt::new(self.analysis.system.clone(), precision)
     }
 
     /// Number of pressure unknowns.
@@ -368,6 +370,11 @@ impl State {
     /// Lets contacts move on to the elements that their nodes are over; whether any did.
     pub fn moves_on(&mut self, model: &Model) -> bool {
         self.moved.follow(model, &self.points)
+    }
+
+    /// Whether contacts know what they touch with the nodes at `points` as well as they do now.
+    pub(crate) fn is_near(&self, model: &Model, points: &[Vec3]) -> bool {
+        self.terms(model).iter().all(|term| term.is_near(&self.points, points))
     }
 
     /// Lets every contact update its multipliers.

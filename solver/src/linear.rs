@@ -4,25 +4,34 @@
 //! for any order (Vanderbei, *SIAM J. Optim.* 5 (1995) 100). The order of the unknowns is the
 //! caller's, see [`crate::ordering`].
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
+mod factors;
+mod gmres;
+mod pattern;
+
+use factors::Factors;
+use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LdltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
-    factorize_symbolic_cholesky, supernodal::SupernodalLdltRef,
+    CholeskySymbolicParams, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
 };
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
-use faer::{Conj, MatMut, Par, Side};
+use faer::{Par, Side};
+pub(crate) use gmres::gmres;
+use gmres::norm;
+pub use pattern::Pattern;
 use std::sync::Arc;
 
 /// Results are the same bits for equal degrees of parallelism, hence it depends on the size of the
 /// system and not on the machine: a small one loses more by waiting than it gains.
 const PARALLEL_DEGREE: usize = 2;
-const PARALLEL_UNKNOWNS: usize = 10_000;
-/// Refinement ends when the residual is this small against the right-hand side.
+const PARALLEL_UNKNOWNS: usize = 100_000;
+/// A residual that is this small against the right-hand side is rounding, and no better is asked for.
 const RESIDUAL: f64 = 1e-12;
-/// Rounds of refinement.
-const REFINEMENTS: usize = 3;
+/// The same of solutions with factors in single precision.
+const RESIDUAL_OF_SINGLE: f64 = 1e-8;
+/// Largest residual that is taken for a solution.
+const LARGEST_RESIDUAL: f64 = 1e-6;
+/// Products with the matrix in one solution: with factors in single precision three to six are usual.
+const PRODUCTS: usize = 20;
 
 /// Why a system has no usable solution.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -36,70 +45,6 @@ pub enum LinearError {
     /// The solution misses the right-hand side.
     #[error("the stiffness is nearly singular: relative residual {0:.1e}")]
     Inaccurate(f64),
-}
-
-/// Lower triangle, diagonal included, of a symmetric sparsity, as compressed columns with
-/// ascending rows.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Pattern {
-    /// Start of each column; one more than columns.
-    pub starts: Vec<usize>,
-    /// Rows.
-    pub rows: Vec<usize>,
-}
-
-impl Pattern {
-    /// Number of unknowns.
-    pub fn len(&self) -> usize {
-        self.starts.len() - 1
-    }
-
-    /// Whether there is no unknown.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// Position of an entry among the values; row >= column.
-    pub fn position(&self, row: usize, column: usize) -> Option<usize> {
-        let (start, end) = (self.starts[column], self.starts[column + 1]);
-        self.rows[start..end].binary_search(&row).ok().map(|at| start + at)
-    }
-
-    /// The same entries as an upper triangle in compressed columns.
-    fn transposed(&self) -> Self {
-        let mut starts = vec![0; self.starts.len()];
-        for &row in &self.rows {
-            starts[row + 1] += 1;
-        }
-        for n in 1..starts.len() {
-            starts[n] += starts[n - 1];
-        }
-        let mut next = starts.clone();
-        let mut rows = vec![0; self.rows.len()];
-        for column in 0..self.len() {
-            for &row in &self.rows[self.starts[column]..self.starts[column + 1]] {
-                rows[next[row]] = column;
-                next[row] += 1;
-            }
-        }
-        Self { starts, rows }
-    }
-
-    /// y = A x, with the symmetric matrix of these lower `values`.
-    fn multiply(&self, values: &[f64], x: &[f64], y: &mut [f64]) {
-        y.fill(0.0);
-        for column in 0..self.len() {
-            let mut sum = 0.0;
-            for at in self.starts[column]..self.starts[column + 1] {
-                let row = self.rows[at];
-                y[row] += values[at] * x[column];
-                if row != column {
-                    sum += values[at] * x[row];
-                }
-            }
-            y[column] += sum;
-        }
-    }
 }
 
 /// Where the factors of matrices of one sparsity are non-zero.
@@ -135,12 +80,33 @@ impl Symbolic {
     }
 }
 
+/// Of the numbers of the factors. Matrices, right-hand sides and solutions are of double precision always.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    /// Half of the memory and less time: for directions of Newton's method, to 1e-8. Where the matrix is too near to a
+    /// singular one for these factors, double ones take their place.
+    Single,
+    /// For solutions to rounding.
+    Double,
+}
+
 /// Factors of a symmetric matrix.
 pub struct Ldlt {
     shared: Arc<Symbolic>,
     values: Vec<f64>,
-    factors: Vec<f64>,
-    scratch: MemBuffer,
+    factors: Either,
+}
+
+/// Factors in one of the two precisions.
+enum Either {
+    /// Of the matrix S A S, with the powers of two S that bring its diagonal near to one: numbers of
+    /// single precision have a narrow range.
+    Single {
+        factors: Factors<f32>,
+        scale: Vec<f64>,
+        rounded: Vec<f32>,
+    },
+    Double(Factors<f64>),
 }
 
 impl Ldlt {
@@ -149,21 +115,23 @@ impl Ldlt {
     /// # Errors
     /// [`LinearError::Memory`].
     pub fn analyse(pattern: Pattern) -> Result<Self, LinearError> {
-        Self::new(Arc::new(Symbolic::of(pattern)?))
+        Self::new(Arc::new(Symbolic::of(pattern)?), Precision::Double)
     }
 
     /// Room for the factors of matrices that were analysed.
     ///
     /// # Errors
     /// [`LinearError::Memory`].
-    pub fn new(shared: Arc<Symbolic>) -> Result<Self, LinearError> {
-        let Symbolic { symbolic, parallel, .. } = &*shared;
-        let need = symbolic
-            .factorize_numeric_ldlt_scratch::<f64>(*parallel, faer::Spec::default())
-            .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-        let scratch = MemBuffer::try_new(need).map_err(|_| LinearError::Memory)?;
-        let factors = vec![0.0; symbolic.len_val()];
-        Ok(Self { shared, values: Vec::new(), factors, scratch })
+    pub fn new(shared: Arc<Symbolic>, precision: Precision) -> Result<Self, LinearError> {
+        let factors = match precision {
+            Precision::Double => Either::Double(Factors::new(&shared)?),
+            Precision::Single => Either::Single {
+                factors: Factors::new(&shared)?,
+                scale: Vec::new(),
+                rounded: Vec::new(),
+            },
+        };
+        Ok(Self { shared, values: Vec::new(), factors })
     }
 
     /// The sparsity.
@@ -195,74 +163,93 @@ impl Ldlt {
         if share != 0.0 {
             self.values.iter_mut().zip(more).for_each(|(value, more)| *value += share * more);
         }
-        let Symbolic { pattern, symbolic, parallel } = &*self.shared;
-        let n = pattern.len();
-        let view = SymbolicSparseColMatRef::new_checked(n, n, &pattern.starts, None, &pattern.rows);
-        let factored = symbolic.factorize_numeric_ldlt(
-            &mut self.factors,
-            SparseColMatRef::new(view, &self.values),
-            Side::Lower,
-            LdltRegularization::default(),
-            *parallel,
-            MemStack::new(&mut self.scratch),
-            faer::Spec::default(),
-        );
-        factored.map(|_| ()).map_err(|_| LinearError::Singular)
+        match self.refactor() {
+            Err(LinearError::Singular) if matches!(self.factors, Either::Single { .. }) => {
+                self.doubled()
+            }
+            done => done,
+        }
+    }
+
+    fn refactor(&mut self) -> Result<(), LinearError> {
+        let Self { shared, values, factors } = self;
+        match factors {
+            Either::Double(factors) => factors.factor(shared, values),
+            Either::Single { factors, scale, rounded } => {
+                shared.pattern.scale(values, scale);
+                rounded.clear();
+                let columns = shared.pattern.entries().zip(&*values);
+                rounded.extend(
+                    columns.map(|((row, column), v)| (scale[row] * v * scale[column]) as f32),
+                );
+                factors.factor(shared, rounded)
+            }
+        }
+    }
+
+    /// Factorises in double precision from here on.
+    fn doubled(&mut self) -> Result<(), LinearError> {
+        tracing::debug!("factors in double precision");
+        self.factors = Either::Double(Factors::new(&self.shared)?);
+        self.refactor()
     }
 
     /// Number of negative pivots of the last factors: the number of negative eigenvalues.
     pub fn negative_pivots(&self) -> usize {
-        let SymbolicCholeskyRaw::Supernodal(symbolic) = self.shared.symbolic.raw() else {
-            return 0;
-        };
-        let factors = SupernodalLdltRef::new(symbolic, &self.factors);
-        let negative = |supernode: usize| {
-            let block = factors.supernode(supernode).val();
-            (0..block.ncols()).filter(|&column| block[(column, column)] < 0.0).count()
-        };
-        (0..symbolic.n_supernodes()).map(negative).sum()
+        match &self.factors {
+            Either::Single { factors, .. } => factors.negative_pivots(&self.shared),
+            Either::Double(factors) => factors.negative_pivots(&self.shared),
+        }
     }
 
-    /// Solves A x = `rhs` with the last factors and iterative refinement.
+    /// Solves A x = `rhs` with the last factors as the preconditioner of generalised minimal residuals.
     ///
     /// # Errors
     /// [`LinearError::Inaccurate`] when the residual stays above 1e-6 of the right-hand side.
     pub fn solve(&mut self, rhs: &[f64], x: &mut Vec<f64>) -> Result<(), LinearError> {
-        x.clear();
-        x.extend_from_slice(rhs);
-        self.substitute(x);
-        let scale = norm(rhs).max(f64::MIN_POSITIVE);
-        let mut product = vec![0.0; rhs.len()];
-        let mut best = f64::INFINITY;
-        for _ in 0..=REFINEMENTS {
-            self.shared.pattern.multiply(&self.values, x, &mut product);
-            let mut left: Vec<f64> = rhs.iter().zip(&product).map(|(b, ax)| b - ax).collect();
-            let residual = norm(&left) / scale;
-            // Also ends when refinement no longer helps, or on a NaN.
-            if residual <= RESIDUAL || !(residual < 0.5 * best) {
-                best = if residual.is_nan() { residual } else { best.min(residual) };
-                break;
-            }
-            best = residual;
-            self.substitute(&mut left);
-            x.iter_mut().zip(&left).for_each(|(x, dx)| *x += dx);
+        let mut left = self.improve(rhs, x);
+        if !(left < LARGEST_RESIDUAL) && matches!(self.factors, Either::Single { .. }) {
+            self.doubled()?;
+            left = self.improve(rhs, x);
         }
-        if best < 1e-6 { Ok(()) } else { Err(LinearError::Inaccurate(best)) }
+        if left < LARGEST_RESIDUAL { Ok(()) } else { Err(LinearError::Inaccurate(left)) }
     }
 
-    fn substitute(&mut self, x: &mut [f64]) {
-        let n = x.len();
-        LdltRef::new(&self.shared.symbolic, &self.factors).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(x, n, 1),
-            Par::Seq,
-            MemStack::new(&mut self.scratch),
-        );
+    /// Solves with the last factors, whatever they are worth, and returns the relative residual.
+    fn improve(&mut self, rhs: &[f64], x: &mut Vec<f64>) -> f64 {
+        let Self { shared, values, factors } = self;
+        let wanted = match factors {
+            Either::Single { .. } => RESIDUAL_OF_SINGLE,
+            Either::Double(_) => RESIDUAL,
+        };
+        let product = |x: &[f64]| {
+            let mut y = vec![0.0; x.len()];
+            shared.pattern.multiply(values, x, &mut y);
+            y
+        };
+        let found =
+            gmres(|v| factors.substitute(shared, v), |x| Some(product(x)), rhs, wanted, PRODUCTS);
+        *x = found.solution;
+        let left: Vec<f64> = rhs.iter().zip(product(x)).map(|(b, ax)| b - ax).collect();
+        norm(&left) / norm(rhs).max(f64::MIN_POSITIVE)
     }
 }
 
-fn norm(x: &[f64]) -> f64 {
-    x.iter().map(|v| v * v).sum::<f64>().sqrt()
+impl Either {
+    fn substitute(&mut self, shared: &Symbolic, v: &[f64]) -> Vec<f64> {
+        match self {
+            Self::Double(factors) => {
+                let mut x = v.to_vec();
+                factors.substitute(shared, &mut x);
+                x
+            }
+            Self::Single { factors, scale, .. } => {
+                let mut x: Vec<f32> = v.iter().zip(&*scale).map(|(v, s)| (v * s) as f32).collect();
+                factors.substitute(shared, &mut x);
+                x.iter().zip(&*scale).map(|(x, s)| f64::from(*x) * s).collect()
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -297,5 +284,45 @@ mod tests {
         let mut x = Vec::new();
         let solved = ldlt.factor(&values).and_then(|()| ldlt.solve(&[1.0, 2.0, 3.0], &mut x));
         assert!(solved.is_err(), "{x:?}");
+    }
+
+    /// A chain of springs, an end held, in units that bring numbers beyond single precision into its matrix, and
+    /// forces in the same units.
+    fn chain(softest: f64) -> (Pattern, Vec<f64>, Vec<f64>) {
+        let n = 200;
+        let spring = |k: usize| if k % 7 == 3 { softest } else { 1e3 / (1.0 + k as f64) };
+        let unit = |k: usize| 10f64.powi((k % 3) as i32 * 21 - 21);
+        let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+        for k in 0..n {
+            let beyond = if k + 1 < n { spring(k + 1) } else { 0.0 };
+            rows.push(k);
+            values.push((spring(k) + beyond) * unit(k) * unit(k));
+            if k + 1 < n {
+                rows.push(k + 1);
+                values.push(-beyond * unit(k) * unit(k + 1));
+            }
+            starts.push(rows.len());
+        }
+        let rhs = (0..n).map(|k| unit(k) * ((k % 11) as f64 - 5.0)).collect();
+        (Pattern { starts, rows }, values, rhs)
+    }
+
+    #[test]
+    fn single_precision_solves_as_double_does() {
+        // What is too much for single precision is left to the double one: residuals are the same.
+        for (softest, single) in [(1e-3, true), (1e-5, false)] {
+            let (pattern, values, rhs) = chain(softest);
+            let shared = Arc::new(Symbolic::of(pattern).unwrap());
+            let mut ldlt = Ldlt::new(shared.clone(), Precision::Single).unwrap();
+            ldlt.factor(&values).unwrap();
+            let mut x = Vec::new();
+            ldlt.solve(&rhs, &mut x).unwrap();
+            assert_eq!(ldlt.negative_pivots(), 0);
+            let mut product = vec![0.0; 200];
+            shared.pattern.multiply(&values, &x, &mut product);
+            let left: Vec<f64> = rhs.iter().zip(&product).map(|(b, ax)| b - ax).collect();
+            assert!(norm(&left) < 1e-6 * norm(&rhs), "{} {}", norm(&left), norm(&rhs));
+            assert_eq!(matches!(ldlt.factors, Either::Single { .. }), single, "{softest}");
+        }
     }
 }

@@ -10,7 +10,7 @@
 mod convexity;
 
 use crate::assemble::{Assembly, AssemblyError, EnergyError, State, moved::Moved};
-use crate::linear::Ldlt;
+use crate::linear::{Ldlt, Precision};
 use crate::model::Model;
 use crate::terms::{At, Curvature, Load};
 use convexity::{Convexity, GREATEST_SHARE, stride};
@@ -103,7 +103,7 @@ impl Newton {
     /// A free node without tissue, or too little memory.
     pub fn new(model: &Model) -> Result<Self, AssemblyError> {
         let assembly = Assembly::new(model)?;
-        let system = assembly.system()?;
+        let system = assembly.system(Precision::Single)?;
         Ok(Self {
             assembly,
             moved: Moved::default(),
@@ -128,7 +128,7 @@ impl Newton {
             return Ok(());
         }
         let analysed = Assembly::moved(model, &state.moved).and_then(|assembly| {
-            let system = assembly.system()?;
+            let system = assembly.system(Precision::Single)?;
             Ok((assembly, system))
         });
         let cause = |error| match error {
@@ -268,6 +268,9 @@ impl Newton {
         for length in [0.25, 0.5, 1.0] {
             let points: Vec<Vec3> =
                 from.iter().zip(&direction).map(|(p, d)| p + length * d).collect();
+            if !state.is_near(model, &points) {
+                break;
+            }
             match self.assembly.energy(model, state, &points, &mut pressure) {
                 Ok(energy) if energy < lowest => {
                     lowest = energy;
@@ -331,25 +334,23 @@ impl Newton {
         for &diagonal in &starts[..starts.len() - 1] {
             self.values[diagonal] += NOTHING * self.values[diagonal].max(0.0);
         }
-        let known = self.system.factor_sum(&self.values, 0.0, &[]).is_ok();
-        let negative = if known { self.system.negative_pivots() } else { 0 };
+        let Ok(mut system) = self.assembly.system(Precision::Double) else { return 0 };
+        let known = system.factor(&self.values).is_ok();
+        let negative = if known { system.negative_pivots() } else { 0 };
         negative.saturating_sub(self.assembly.pressures())
     }
 
     /// The longest step along a direction, at most `longest`, on which contacts stay near to what they touch.
     fn near(&self, model: &Model, state: &State, direction: &[Vec3], longest: f64) -> f64 {
-        let terms = state.terms(model);
-        let is_near = |points: &[Vec3]| terms.iter().all(|term| term.is_near(points));
-        let at = |length: f64| {
+        let is_near = |length: f64| {
             let ways = state.points.iter().zip(direction);
-            ways.map(|(p, d)| p + length * d).collect::<Vec<Vec3>>()
+            state.is_near(model, &ways.map(|(p, d)| p + length * d).collect::<Vec<Vec3>>())
         };
-        // What is away already is not nearer after a short step.
-        if is_near(&at(longest)) || !is_near(&state.points) {
+        if is_near(longest) {
             return longest;
         }
         let mut length = 0.5 * longest;
-        while length > NEAREST * longest && !is_near(&at(length)) {
+        while length > NEAREST * longest && !is_near(length) {
             length *= 0.5;
         }
         length

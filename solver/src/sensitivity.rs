@@ -32,7 +32,7 @@ pub use observable::Observable;
 use observable::Functional;
 
 use crate::assemble::{Assembly, State};
-use crate::linear::Ldlt;
+use crate::linear::{Ldlt, Precision};
 use crate::model::Model;
 use crate::solve::{self, Options};
 use crate::terms::{Block, Curvature, Load, Order, Term, Touching};
@@ -123,7 +123,7 @@ impl<'a> Linearised<'a> {
         }
         let solution = solve::finish(&newton, model, &state, counts)?;
         let assembly = newton.assembly;
-        let mut factors = assembly.system()?;
+        let mut factors = assembly.system(Precision::Double)?;
         let (mut gradient, mut values) = (Vec::new(), Vec::new());
         assembly.newton_system(model, &state, Curvature::Exact, &mut gradient, &mut values)?;
         factors.factor(&values)?;

@@ -356,7 +356,7 @@ const ROUNDS: usize = 20;
 const FRICTION_ROUNDS: usize = 40;
 
 /// Most times that contacts may move on to other elements at one load.
-const MOVES: usize = 40;
+const MOVES: usize = 80;
 
 /// A round of multipliers that leaves more than this part of the gap wants stiffer penalties.
 const SHRINKING: f64 = 0.25;

@@ -119,7 +119,28 @@ fn force_and_tangent_are_derivatives_of_the_energy() {
         let memory: Vec<f64> = (0..term.elements()).map(|n| 0.7 * (1.3 * n as f64).sin()).collect();
         let shear = vec![0.2; points.len()];
         testing::check(&term, &state_of(&points, &memory, &shear));
+        if beyond == 0 {
+            // Nodes that have gone to and fro are borne by two or three tetrahedra.
+            let shared = to_and_fro(&blocks, term, &points);
+            let bearing = |n: usize| shared.nodes(n).len();
+            let several = (0..shared.elements()).filter(|&n| bearing(n) > 5).count();
+            assert!(several >= 6 && (0..shared.elements()).any(|n| bearing(n) > 7), "{several}");
+            testing::check(&*shared, &state_of(&points, &memory, &shear));
+        }
     }
+}
+
+/// The contact after the upper block has been moved round and round.
+fn to_and_fro(blocks: &Blocks, term: Gliding, points: &[Vec3]) -> Arc<dyn Term> {
+    let mut term: Arc<dyn Term> = Arc::new(term);
+    for turn in 0..12 {
+        let angle = 2.1 * f64::from(turn);
+        let mut moved = points.to_vec();
+        let way = 6.0 * Vec3::new(angle.cos(), angle.sin(), 0.0);
+        moved[blocks.nodes..].iter_mut().for_each(|p| *p += way);
+        term = term.moved_on(&moved).unwrap_or(term);
+    }
+    term
 }
 
 /// Verifies: forces of the contact with a deformed front on both bodies | force and moment balance, rigid motion | 1e-10, 1e-9
@@ -132,6 +153,8 @@ fn both_bodies_bear_opposite_forces_and_rigid_motions_change_nothing() {
     let (memory, shear) = (vec![-0.4; term.elements()], vec![0.2; points.len()]);
     let pressed = balanced(&term, &points, &memory, &shear, 40.0);
     assert_eq!(pressed, term.elements());
+    let shared = to_and_fro(&blocks, term, &points);
+    assert_eq!(balanced(&*shared, &points, &memory, &shear, 40.0), shared.elements());
 }
 
 fn solved(model: &Model, start: &[Vec3]) -> Result<Solution, SolveError> {

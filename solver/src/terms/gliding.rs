@@ -13,178 +13,20 @@
 //!
 //! The tetrahedron of a point is kept during a minimisation; afterwards a point that has left it by more
 //! than a twentieth of a face goes on to the next one (see [`Term::moved_on`]). One that would leave it by a whole
-//! face ends the minimisation: what a tetrahedron far away says of it is wrong. Beyond the rim, where there is no
-//! next one, the front goes on as its smooth shape does, at rest: d = φ(x). Held at its rim, it has no step there.
+//! face ends the minimisation: what a tetrahedron far away says of it is wrong. Where the deformed front has a valley
+//! between its flat pieces several tetrahedra bear a point (see `front`); its distance is the mean of theirs, by
+//! their shares. Beyond the rim, where there is no next one, the front goes on as its smooth shape does, at rest:
+//! d = φ(x). Held at its rim, it has no step there.
+
+mod front;
 
 use super::contact::{Contact, Touch};
-use super::{
-    At, Block, ContactCheck, Load, NodeForce, Opening, Order, Term, Touching, target::Target,
-};
+use super::{At, Block, ContactCheck, Load, MOST_NODES, NodeForce, Opening, Order, Term, Touching};
 use crate::materials::MaterialError;
-use crate::model::ModelError;
+pub use front::Front;
+use front::{Look, MOST_FACES, Over};
 use mammotwin_data::{Mat3, Vec3};
-use std::collections::BTreeMap;
 use std::sync::Arc;
-
-/// Barycentric coordinate on the front's face down to which a point stays with its tetrahedron: less would send points
-/// on an edge to and fro. One that comes back again and again stays longer.
-const STAYS: [f64; 4] = [-0.05, -0.05, -0.1, -0.2];
-/// The same down to which a minimisation may lead it.
-const AWAY: f64 = -1.0;
-/// Most faces that a point crosses on the way to its own.
-const LONGEST_WAY: usize = 100;
-
-/// The front of a body, where it is smooth.
-pub struct Front {
-    target: Arc<dyn Target>,
-    /// Places of all nodes (mm) there.
-    places: Vec<Vec3>,
-    /// Tetrahedra with a face on the front: its three nodes first.
-    tets: Vec<[u32; 4]>,
-    /// Across the edge opposite of each node of the face.
-    next: Vec<[Option<u32>; 3]>,
-}
-
-impl Front {
-    /// The front with `faces`, each a face of one of `tets`, of a body with its nodes at `places` (mm);
-    /// `target` is its smooth surface there.
-    ///
-    /// # Errors
-    /// A face of no tetrahedron.
-    pub fn new(
-        target: Arc<dyn Target>,
-        places: &[Vec3],
-        faces: &[[u32; 3]],
-        tets: &[[u32; 4]],
-    ) -> Result<Self, ModelError> {
-        let sorted = |mut face: [u32; 3]| {
-            face.sort_unstable();
-            face
-        };
-        let mut inner = BTreeMap::new();
-        for &[a, b, c, d] in tets {
-            for (face, node) in [([b, c, d], a), ([a, c, d], b), ([a, b, d], c), ([a, b, c], d)] {
-                inner.insert(sorted(face), node);
-            }
-        }
-        let mut own = Vec::with_capacity(faces.len());
-        let mut across: BTreeMap<[u32; 2], Vec<u32>> = BTreeMap::new();
-        for (number, &[a, b, c]) in faces.iter().enumerate() {
-            let Some(&d) = inner.get(&sorted([a, b, c])) else {
-                return Err(ModelError::Value {
-                    term: "front".into(),
-                    what: "face without a tetrahedron, number",
-                    value: number as f64,
-                    remedy: "give faces of the tetrahedra",
-                });
-            };
-            own.push([a, b, c, d]);
-            for edge in [[b, c], [c, a], [a, b]] {
-                across.entry(ends(edge)).or_default().push(number as u32);
-            }
-        }
-        let beside = |number: usize, edge: [u32; 2]| {
-            let both = across.get(&ends(edge));
-            both.and_then(|both| both.iter().copied().find(|&other| other as usize != number))
-        };
-        let next = own.iter().enumerate();
-        let next = next.map(|(n, &[a, b, c, _])| [[b, c], [c, a], [a, b]].map(|e| beside(n, e)));
-        Ok(Self { target, places: places.to_vec(), next: next.collect(), tets: own })
-    }
-
-    fn corners(&self, face: u32, points: &[Vec3]) -> [Vec3; 4] {
-        self.tets[face as usize].map(|n| points[n as usize])
-    }
-
-    /// What the body has of the point `x` (mm) in a tetrahedron that is now where `points` are.
-    fn look(&self, face: u32, x: &Vec3, points: &[Vec3]) -> Option<Look> {
-        let edges = |[a, b, c, d]: [Vec3; 4]| Mat3::from_columns(&[b - a, c - a, d - a]);
-        let (now, smooth) = (self.corners(face, points), self.corners(face, &self.places));
-        let inverse = edges(now).try_inverse()?;
-        let inner = inverse * (x - now[0]);
-        let rows = [0, 1, 2].map(|r| inverse.row(r).transpose());
-        Some(Look {
-            place: smooth[0] + edges(smooth) * inner,
-            pull: edges(smooth) * inverse,
-            weights: [1.0 - inner.sum(), inner.x, inner.y, inner.z],
-            gradients: [-(rows[0] + rows[1] + rows[2]), rows[0], rows[1], rows[2]],
-        })
-    }
-
-    /// Barycentric coordinates on a face of the foot of a point (mm) at `x`; `None` over a flat tetrahedron.
-    fn parts(&self, face: u32, x: &Vec3, points: &[Vec3]) -> Option<[f64; 3]> {
-        let look = self.look(face, x, points)?;
-        let [a, b, c, _] = self.corners(face, &self.places);
-        Some(over_face([a, b, c], &look.place))
-    }
-
-    /// What a point (mm) at `x` is over, from what it was over.
-    fn walk(&self, from: Over, x: &Vec3, points: &[Vec3]) -> Over {
-        let mut at = Over { beyond: false, ..from };
-        for _ in 0..LONGEST_WAY {
-            let Some(parts) = self.parts(at.face, x, points) else { break };
-            let left = |n: &usize| parts[*n] < STAYS[usize::from(from.returns)];
-            let next =
-                (0..3).filter(left).filter_map(|n| Some((n, self.next[at.face as usize][n]?)));
-            match next.min_by(|(m, _), (n, _)| parts[*m].total_cmp(&parts[*n])) {
-                Some((_, next)) => at.face = next,
-                None => {
-                    at.beyond = (0..3).any(|n| left(&n));
-                    break;
-                }
-            }
-        }
-        if (at.face, at.beyond) == (from.face, from.beyond) {
-            return from;
-        }
-        let returns =
-            from.returns + u8::from(at.face == from.before && from.returns < STAYS.len() as u8 - 1);
-        Over { before: from.face, returns, ..at }
-    }
-}
-
-/// What a point is over.
-#[derive(Clone, Copy, PartialEq)]
-struct Over {
-    /// A face of the front, the last one before its rim where the point is beyond that.
-    face: u32,
-    beyond: bool,
-    /// The face before.
-    before: u32,
-    /// How often the point has come back to the face before, at most what [`STAYS`] tells apart.
-    returns: u8,
-}
-
-impl Over {
-    fn face(face: u32) -> Self {
-        Self { face, beyond: false, before: face, returns: 0 }
-    }
-}
-
-/// An edge, the smaller node first.
-fn ends([a, b]: [u32; 2]) -> [u32; 2] {
-    [a.min(b), a.max(b)]
-}
-
-/// Barycentric coordinates of the foot of a point on a triangle's plane.
-fn over_face([a, b, c]: [Vec3; 3], point: &Vec3) -> [f64; 3] {
-    let normal = (b - a).cross(&(c - a));
-    let size = normal.norm_squared().max(f64::MIN_POSITIVE);
-    let part = |from: &Vec3, to: &Vec3| (to - from).cross(&(point - from)).dot(&normal) / size;
-    [part(&b, &c), part(&c, &a), part(&a, &b)]
-}
-
-/// A point as a tetrahedron has it.
-struct Look {
-    /// Place in the smooth shape (mm).
-    place: Vec3,
-    /// Its derivative by the point.
-    pull: Mat3,
-    /// Barycentric coordinates of the point.
-    weights: [f64; 4],
-    /// Their derivatives by the point (1/mm).
-    gradients: [Vec3; 4],
-}
 
 /// A surface that glides without friction on the front of another body and never leaves it.
 #[derive(Clone)]
@@ -192,10 +34,43 @@ pub struct Gliding {
     name: String,
     contact: Contact,
     front: Arc<Front>,
-    /// What each node is over.
+    /// What bears each node.
     over: Vec<Over>,
-    /// Each node and those of the tetrahedron under it, or under the rim that it is beyond.
-    touched: Vec<[u32; 5]>,
+    touched: Vec<Touched>,
+}
+
+/// Nodes of an element.
+#[derive(Clone)]
+struct Touched {
+    /// The gliding node, and those of the tetrahedra that bear it.
+    nodes: Vec<u32>,
+    /// The gliding node and those of each tetrahedron among these.
+    own: [[usize; 5]; MOST_FACES],
+}
+
+impl Touched {
+    fn new(node: u32, over: &Over, front: &Front) -> Self {
+        let (mut nodes, mut own) = (vec![node], [[0; 5]; MOST_FACES]);
+        for ((face, _), own) in over.bearing().zip(&mut own).filter(|_| !over.beyond) {
+            for (corner, own) in front.tets[face as usize].iter().zip(&mut own[1..]) {
+                *own = nodes.iter().position(|n| n == corner).unwrap_or(nodes.len());
+                if *own == nodes.len() {
+                    nodes.push(*corner);
+                }
+            }
+        }
+        Self { nodes, own }
+    }
+}
+
+/// A node as one of the tetrahedra that bear it has it.
+struct Seen {
+    share: f64,
+    look: Look,
+    /// Of the distance, by the place in the smooth shape.
+    slope: Vec3,
+    curvature: Mat3,
+    distance: f64,
 }
 
 impl Gliding {
@@ -219,44 +94,53 @@ impl Gliding {
             let x = &front.places[node as usize];
             let far = |&n: &usize| (middles[n] - x).norm_squared();
             let nearest = (0..middles.len()).min_by(|a, b| far(a).total_cmp(&far(b)));
-            front.walk(Over::face(nearest.unwrap_or(0) as u32), x, &front.places)
+            front.walk(&Over::face(nearest.unwrap_or(0) as u32), x, &front.places)
         };
         let over = contact.nodes.iter().map(over).collect();
-        let mut term = Self { name: name.into(), contact, front, over, touched: Vec::new() };
-        term.touched = term.touching_nodes();
-        term
+        Self::over(name, contact, front, over)
     }
 
-    fn touching_nodes(&self) -> Vec<[u32; 5]> {
-        let one = |(&node, over): (&u32, &Over)| {
-            let [a, b, c, d] = self.front.tets[over.face as usize];
-            [node, a, b, c, d]
-        };
-        self.contact.nodes.iter().zip(&self.over).map(one).collect()
+    fn over(name: &str, contact: Contact, front: Arc<Front>, over: Vec<Over>) -> Self {
+        let touched = contact.nodes.iter().zip(&over);
+        let touched = touched.map(|(&node, over)| Touched::new(node, over, &front)).collect();
+        Self { name: name.into(), contact, front, over, touched }
     }
 
-    fn look(&self, element: usize, points: &[Vec3]) -> Option<Look> {
-        let x = &points[self.contact.nodes[element] as usize];
-        self.front.look(self.over[element].face, x, points)
+    /// A point at `x` as each of the tetrahedra that bear it has it; a flat one, which its own tissue refuses, has none.
+    fn seen<'a>(
+        &'a self,
+        over: &'a Over,
+        x: &'a Vec3,
+        points: &'a [Vec3],
+    ) -> impl Iterator<Item = Option<Seen>> + 'a {
+        over.bearing().map(move |(face, share)| {
+            let look = self.front.look(face, x, points)?;
+            let (distance, slope, curvature) = self.front.target.distance(&look.place);
+            Some(Seen { share, look, slope, curvature, distance })
+        })
     }
 
-    /// What the contact's law sees: distance and its derivatives by the point alone.
-    fn touch(&self, element: usize, points: &[Vec3]) -> Touch {
-        let place = points[self.contact.nodes[element] as usize];
-        if self.over[element].beyond {
-            let (distance, normal, curvature) = self.front.target.distance(&place);
+    /// What the contact's law sees of a point at `x`: distance and its derivatives by the point alone.
+    fn touch_at(&self, over: &Over, x: &Vec3, points: &[Vec3]) -> Touch {
+        let place = *x;
+        if over.beyond {
+            let (distance, normal, curvature) = self.front.target.distance(x);
             return Touch { distance, normal, curvature, place };
         }
-        match self.look(element, points) {
-            Some(look) => {
-                let (distance, slope, curvature) = self.front.target.distance(&look.place);
-                let normal = look.pull.transpose() * slope;
-                let curvature = look.pull.transpose() * curvature * look.pull;
-                Touch { distance, normal, curvature, place }
-            }
-            // A flat tetrahedron, which its own tissue refuses.
-            None => Touch { distance: 0.0, normal: Vec3::zeros(), curvature: Mat3::zeros(), place },
-        }
+        let nothing =
+            Touch { distance: 0.0, normal: Vec3::zeros(), curvature: Mat3::zeros(), place };
+        self.seen(over, x, points).flatten().fold(nothing, |mut sum, seen| {
+            let pull = &seen.look.pull;
+            sum.distance += seen.share * seen.distance;
+            sum.normal += seen.share * pull.transpose() * seen.slope;
+            sum.curvature += seen.share * pull.transpose() * seen.curvature * pull;
+            sum
+        })
+    }
+
+    fn touch(&self, element: usize, points: &[Vec3]) -> Touch {
+        let x = &points[self.contact.nodes[element] as usize];
+        self.touch_at(&self.over[element], x, points)
     }
 
     /// Force (mN) of the front on each node that it touches; the front bears the opposite.
@@ -275,8 +159,7 @@ impl Term for Gliding {
     }
 
     fn nodes(&self, element: usize) -> &[u32] {
-        let nodes = &self.touched[element];
-        if self.over[element].beyond { &nodes[..1] } else { nodes }
+        &self.touched[element].nodes
     }
 
     fn is_internal(&self) -> bool {
@@ -295,19 +178,31 @@ impl Term for Gliding {
             self.contact.block(element, at, order, block, &touch);
             return Ok(());
         }
-        let Some(look) = self.look(element, at.points) else { return Ok(()) };
-        // How the distance to the tetrahedron's own place of the point answers to each node.
-        let [a, b, c, d] = look.weights;
-        let share = [1.0, -a, -b, -c, -d];
-        let slope = touch.normal;
-        let nabla = |n: usize| if n == 0 { Vec3::zeros() } else { look.gradients[n - 1] };
-        let bend = |r: usize, s: usize| {
-            share[r] * share[s] * touch.curvature
-                - share[r] * nabla(s) * slope.transpose()
-                - share[s] * slope * nabla(r).transpose()
-        };
-        let slopes = share.map(|share| share * slope);
-        self.contact.shared_block(element, at, order, block, &touch, &slopes, bend);
+        let Touched { nodes, own } = &self.touched[element];
+        let x = &at.points[nodes[0] as usize];
+        // How the distance to the place that a tetrahedron has of the point answers to each node, summed over those
+        // that bear it.
+        let mut slopes = [Vec3::zeros(); MOST_NODES];
+        let mut bends = [[Mat3::zeros(); MOST_NODES]; MOST_NODES];
+        for (seen, own) in self.seen(&self.over[element], x, at.points).zip(own) {
+            let Some(Seen { share, look, slope, curvature, .. }) = seen else { return Ok(()) };
+            let [a, b, c, d] = look.weights;
+            let parts = [1.0, -a, -b, -c, -d];
+            let normal = look.pull.transpose() * slope;
+            let curvature = look.pull.transpose() * curvature * look.pull;
+            let nabla = |n: usize| if n == 0 { Vec3::zeros() } else { look.gradients[n - 1] };
+            for (r, &row) in own.iter().enumerate() {
+                slopes[row] += share * parts[r] * normal;
+                for (s, &column) in own.iter().enumerate().filter(|_| order >= Order::Hessian) {
+                    let bend = parts[r] * parts[s] * curvature
+                        - parts[r] * nabla(s) * normal.transpose()
+                        - parts[s] * normal * nabla(r).transpose();
+                    bends[row][column] += share * bend;
+                }
+            }
+        }
+        let slopes = &slopes[..nodes.len()];
+        self.contact.shared_block(element, at, order, block, &touch, slopes, |r, s| bends[r][s]);
         Ok(())
     }
 
@@ -321,13 +216,22 @@ impl Term for Gliding {
 
     fn keep_to_surface(&self, from: &At, step: &[Vec3], points: &mut [Vec3]) {
         for element in 0..self.touched.len() {
-            let (nodes, look) = (self.nodes(element), self.look(element, from.points));
-            let Some(look) = look else { continue };
+            let node = self.contact.nodes[element] as usize;
             let (start, end) = (self.touch(element, from.points), self.touch(element, points));
-            let carried: Vec3 =
-                nodes[1..].iter().zip(look.weights).map(|(&n, w)| w * step[n as usize]).sum();
-            let node = nodes[0] as usize;
-            let foretold = start.distance + start.normal.dot(&(step[node] - carried));
+            let over = &self.over[element];
+            let foretold = if over.beyond {
+                start.normal.dot(&step[node])
+            } else {
+                let seen = self.seen(over, &from.points[node], from.points).zip(over.bearing());
+                let along = seen.filter_map(|(seen, (face, share))| {
+                    let Seen { look, slope, .. } = seen?;
+                    let corners = self.front.tets[face as usize].iter().zip(look.weights);
+                    let carried: Vec3 = corners.map(|(&n, weight)| weight * step[n as usize]).sum();
+                    Some(share * slope.dot(&(look.pull * (step[node] - carried))))
+                });
+                along.sum()
+            };
+            let foretold = start.distance + foretold;
             points[node] += self.contact.shift(element, from, start.distance, foretold, &end);
         }
     }
@@ -347,24 +251,24 @@ impl Term for Gliding {
     }
 
     fn moved_on(&self, points: &[Vec3]) -> Option<Arc<dyn Term>> {
-        let on =
-            |(&node, over): (&u32, &Over)| self.front.walk(*over, &points[node as usize], points);
+        let on = |(&node, over)| self.front.walk(over, &points[node as usize], points);
         let over: Vec<Over> = self.contact.nodes.iter().zip(&self.over).map(on).collect();
-        if over == self.over {
-            return None;
-        }
-        let mut moved = Self { over, ..self.clone() };
-        moved.touched = moved.touching_nodes();
-        Some(Arc::new(moved))
+        let others = over.iter().zip(&self.over).zip(&self.contact.nodes);
+        let mut others = others.filter(|((now, before), _)| now != before);
+        let ((to, from), &node) = others.next()?;
+        let [from, to] = [from, to].map(|over| over.bearing().collect::<Vec<_>>());
+        let place_mm = points[node as usize];
+        tracing::debug!(nodes = 1 + others.count(), node, ?place_mm, ?from, ?to, "moved on");
+        let Self { name, contact, front, .. } = self;
+        Some(Arc::new(Self::over(name, contact.clone(), front.clone(), over)))
     }
 
-    fn is_near(&self, points: &[Vec3]) -> bool {
-        self.contact.nodes.iter().zip(&self.over).filter(|(_, over)| !over.beyond).all(
-            |(&node, over)| {
-                let parts = self.front.parts(over.face, &points[node as usize], points);
-                parts.is_none_or(|parts| parts.iter().all(|part| *part > AWAY))
-            },
-        )
+    fn is_near(&self, from: &[Vec3], to: &[Vec3]) -> bool {
+        let near = |node: usize, over: &Over, points: &[Vec3]| {
+            self.front.is_near(over, &points[node], points)
+        };
+        let mut each = self.contact.nodes.iter().zip(&self.over);
+        each.all(|(&node, over)| near(node as usize, over, to) || !near(node as usize, over, from))
     }
 
     fn gives_way(&self) -> bool {
@@ -373,13 +277,8 @@ impl Term for Gliding {
 
     fn above(&self, element: usize, points: &[Vec3]) -> Option<(f64, Vec3)> {
         let x = &points[self.contact.nodes[element] as usize];
-        let over = self.front.walk(self.over[element], x, points);
-        if over.beyond {
-            let (distance, normal, _) = self.front.target.distance(x);
-            return Some((distance, normal));
-        }
-        let look = self.front.look(over.face, x, points)?;
-        let (distance, slope, _) = self.front.target.distance(&look.place);
-        Some((distance, look.pull.transpose() * slope))
+        let over = self.front.walk(&self.over[element], x, points);
+        let touch = self.touch_at(&over, x, points);
+        Some((touch.distance, touch.normal))
     }
 }

@@ -343,9 +343,9 @@ pub trait Term: Send + Sync {
         None
     }
 
-    /// Whether its elements are still near to what they touch with the nodes at `points` (mm): a minimisation ends before
-    /// they are not, and looks anew ([`Term::moved_on`]).
-    fn is_near(&self, _points: &[Vec3]) -> bool {
+    /// Whether every node that is near to what its element touches with the nodes at `from` (mm) is so at `to`: a
+    /// minimisation ends before one is not, and looks anew ([`Term::moved_on`]).
+    fn is_near(&self, _from: &[Vec3], _to: &[Vec3]) -> bool {
         true
     }
 

@@ -5,10 +5,9 @@
 //! mixing over the last iterations (Walker & Ni, *SIAM J. Numer. Anal.* 49 (2011) 1715). A step to
 //! a rest shape that misses by more, or cannot carry its load, is halved.
 
-use super::gmres::dot;
 use super::supports::{normals, onto_surfaces, tangential};
 use super::transport::pull_back;
-use super::{Method, Miss, Options};
+use super::{Method, Miss, Options, dot};
 use crate::model::Model;
 use crate::solve::{SolveError, solve, solve_near};
 use mammotwin_data::{

@@ -17,11 +17,10 @@
 //! part of the gravity comes first. Rest shapes from which the known shape would be an unstable
 //! equilibrium solve the equations too; they are refused.
 
-use super::gmres::{dot, gmres};
 use super::supports::{Normals, normals, onto_surfaces, tangential};
 use super::transport::pull_back;
 use crate::assemble::{Assembly, State};
-use crate::linear::Ldlt;
+use crate::linear::{Ldlt, Precision, gmres};
 use crate::model::Model;
 use crate::terms::{Block, Curvature, Load, Order};
 use mammotwin_data::{Mat3, Vec3};
@@ -131,7 +130,7 @@ struct Linear {
 impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B> {
     fn new(first: &Model, known: &'a [Vec3], build: &'a B) -> Result<Self, String> {
         let assembly = Assembly::new(first).map_err(|cause| cause.to_string())?;
-        let system = assembly.system().map_err(|cause| cause.to_string())?;
+        let system = assembly.system(Precision::Double).map_err(|cause| cause.to_string())?;
         Ok(Self {
             known,
             known_normals: normals(first, known),
@@ -267,18 +266,19 @@ impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B>
                 tangential(&forces.model, &linear.rest_normals, &mut step);
                 step
             };
-            let product = |z: &[Vec3]| {
-                let step = toward(z);
+            let product = |z: &[f64]| {
+                let step = toward(&fields(z));
                 let longest = step.iter().map(|s| s.norm()).fold(0.0, f64::max);
                 let scale = DIFFERENCE_MM / longest;
                 let moved: Vec<Vec3> = rest.iter().zip(&step).map(|(x, s)| x + scale * s).collect();
                 let there = self.forces(&moved)?.unbalanced;
                 let slope: Vec<Vec3> =
                     forces.unbalanced.iter().zip(&there).map(|(a, b)| (a - b) / scale).collect();
-                self.miss(&forces.model, &slope)
+                self.miss(&forces.model, &slope).map(|miss| numbers(&miss))
             };
-            let solved = gmres(product, &miss, LINEAR_RESIDUAL, MAX_PRODUCTS);
-            let line = self.walk(rest, &toward(&solved.solution), &forces, off);
+            let numbers = numbers(&miss);
+            let solved = gmres(<[f64]>::to_vec, product, &numbers, LINEAR_RESIDUAL, MAX_PRODUCTS);
+            let line = self.walk(rest, &toward(&fields(&solved.solution)), &forces, off);
             tracing::debug!(
                 gravity,
                 step,
@@ -327,7 +327,17 @@ struct Line {
     lowers: bool,
 }
 
+/// The components of a nodal field.
+fn numbers(field: &[Vec3]) -> Vec<f64> {
+    field.iter().flatten().copied().collect()
+}
+
+/// The nodal field of these components.
+fn fields(numbers: &[f64]) -> Vec<Vec3> {
+    numbers.chunks_exact(3).map(Vec3::from_row_slice).collect()
+}
+
 /// Root mean square length (mm) of a nodal field.
 fn rms(field: &[Vec3]) -> f64 {
-    (dot(field, field) / field.len().max(1) as f64).sqrt()
+    (super::dot(field, field) / field.len().max(1) as f64).sqrt()
 }

@@ -9,7 +9,6 @@
 //! gives way, is left to the fixed point.
 
 mod fixed_point;
-mod gmres;
 mod inverse;
 mod supports;
 mod transport;
@@ -190,4 +189,9 @@ pub fn stress_free<E: std::fmt::Display>(
         effort,
     };
     if acceptable { Ok(best) } else { Err(UnloadError::Slow { best: best.into() }) }
+}
+
+/// Of nodal fields.
+fn dot(a: &[Vec3], b: &[Vec3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
 }
