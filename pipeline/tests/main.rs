@@ -11,6 +11,7 @@ mod comparison;
 mod deviations;
 mod discover;
 mod force_curve;
+mod inputs;
 mod scans;
 mod search_box;
 mod segmentation;
