@@ -1,11 +1,11 @@
 //! The pectoral muscle behind the breasts as tetrahedra: a deformable chest wall.
 
 use crate::{
-    mesh::{BreastMesh, WALL_SPACING_MM, soft_max},
-    model::{Muscle, THINNEST_MM},
+    mesh::{BreastMesh, WALL_SPACING_MM},
+    model::Muscle,
 };
 use mammotwin_data::{
-    Failure, Vec3,
+    Failure,
     labels::{LabelMap, Tissue},
     progress::Progress,
     store::Stage,
@@ -54,13 +54,9 @@ impl Stage for PectoralMuscle {
         let thorax = distance_field(&labels.map(|tissue| tissue == Tissue::Thorax), &plan)
             .map_err(|cause| Failure::BadInput(format!("labels: thorax: {cause}")))?;
         let (front, ribs) = (GridDistance::new(&breasts.wall), GridDistance::new(&thorax));
-        let column = |p: &Vec3| {
-            let thickness_mm = soft_max(ribs.distance(p).0, THINNEST_MM, THINNEST_MM);
-            (thickness_mm, -front.distance(p).1)
-        };
         progress.report(0.6, "tetrahedra");
         let mut found = breasts.clone();
-        let muscle = Muscle::behind(&mut found.mesh, column);
+        let muscle = Muscle::behind(&mut found.mesh, &front, |p| ribs.distance(p).0);
         check(&muscle.quality)?;
         found.muscle = Some(muscle);
         Ok(found)

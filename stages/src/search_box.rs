@@ -6,8 +6,7 @@
 //! come in all combinations, equally often.
 
 use crate::{
-    mesh::soft_max,
-    model::{Body, Moduli, Muscle, THINNEST_MM},
+    model::{Body, Moduli, Muscle},
     volunteer::{PoseName, Preset, Torso, mechanics::TruthBody, model_plan},
 };
 use mammotwin_data::{
@@ -215,9 +214,7 @@ impl Muscled {
         let mut rest = body.mesh.clone();
         let plan = model_plan(&torso.person);
         let (wall, breasts) = (body.body(&plan).wall, body.mesh.points.len());
-        let muscle = Muscle::behind(&mut rest, |p| {
-            (soft_max(torso.rib_cage(p), THINNEST_MM, THINNEST_MM), -wall.distance(p).1)
-        });
+        let muscle = Muscle::behind(&mut rest, &*wall, |p| torso.rib_cage(p));
         let mut reference = body.body(&plan).mesh.clone();
         reference.points.extend_from_slice(&rest.points[breasts..]);
         Self { rest: rest.points, reference, muscle }

@@ -9,6 +9,7 @@
 //! The nodes of the muscle follow those of the breast in every list of nodes.
 
 use super::{LawError, Recipe, interface::wall_shift};
+use crate::mesh::soft_max;
 use mammotwin_data::{
     Vec3,
     labels::Tissue,
@@ -22,7 +23,7 @@ use mammotwin_solver::{
         quality::{Summary, quality},
     },
     model::{Model, ModelError},
-    terms::{Bulk, Front, Gravity},
+    terms::{Bulk, Front, Gravity, Target},
 };
 use serde::{Deserialize, Serialize};
 
@@ -52,8 +53,11 @@ pub struct Muscle {
 impl Muscle {
     /// Puts a muscle behind the rear of `mesh`, whose nodes grow by those of the muscle.
     ///
-    /// `thickness_mm` and `inward` (unit vector) are asked at each node of the rear.
-    pub fn behind(mesh: &mut TetMesh, column: impl Fn(&Vec3) -> (f64, Vec3)) -> Self {
+    /// From each node of the rear it goes along the normal of the `front` as far as the ribs are away (mm) by `ribs_mm`,
+    /// and 4 mm at least.
+    pub fn behind(mesh: &mut TetMesh, front: &dyn Target, ribs_mm: impl Fn(&Vec3) -> f64) -> Self {
+        let column =
+            |p: &Vec3| (soft_max(ribs_mm(p), THINNEST_MM, THINNEST_MM), -front.distance(p).1);
         let wall = mesh.patch_nodes(Patch::ChestWall);
         let faces = mesh.patch(Patch::ChestWall).to_vec();
         let number = |node: u32| wall.binary_search(&node).unwrap_or_default();
@@ -276,6 +280,7 @@ mod tests {
             tetrahedralize::{Meshing, tetrahedralize},
         },
         solve,
+        terms::target::Plane,
     };
 
     /// A block above z = 0 on a flat wall.
@@ -302,13 +307,14 @@ mod tests {
     }
 
     const THICK_MM: f64 = 10.0;
+    const UP: Plane = Plane { point: Vec3::new(0.0, 0.0, 0.0), normal: Vec3::new(0.0, 0.0, 1.0) };
 
     /// A block of 20 mm and 10 mm of muscle below it.
     fn slab() -> (TetMesh, Muscle) {
         let slab = Slab { half_mm: 30.0, high_mm: 20.0 };
         let tissue = |_: &Vec3| Tissue::AdiposeRight;
         let mut mesh = tetrahedralize(&slab, &Meshing::of_size(8.0), tissue).unwrap();
-        let muscle = Muscle::behind(&mut mesh, |_| (THICK_MM, -Vec3::z()));
+        let muscle = Muscle::behind(&mut mesh, &UP, |_| THICK_MM);
         (mesh, muscle)
     }
 
