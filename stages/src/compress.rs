@@ -196,7 +196,7 @@ impl Compression {
 
 impl Stage for Compress {
     const NAME: &'static str = "compress";
-    const VERSION: u32 = 11;
+    const VERSION: u32 = 12;
     const METHODS: &'static str = "The breast was compressed between two plates, flat, frictionless and fixed in their direction \
          unless stated otherwise, their rounded edges along the chest wall under it, the paddle as large as its outline, from its stress-free shape and without gravity (the thesis \
          neglects its prestress, too); a share of the weight of an upright person, or weight and stress of a \

@@ -221,7 +221,7 @@ type Input = (BreastMesh, PoseSurfaces, Vec<Registered>, Vec<PoseSurfaces>);
 
 impl Stage for Calibrate {
     const NAME: &'static str = "calibrate";
-    const VERSION: u32 = 10;
+    const VERSION: u32 = 11;
     const METHODS: &'static str = "The stress-free shape is the shape that gravity deforms into the reference pose; it \
          was found as the inverse motion (Govindjee & Mihalic, Comput. Methods Appl. Mech. Eng. 136 \
          (1996) 47), or by an accelerated fixed point (Sellier, Comput. Mech. 48 (2011) 503) or by prediction and \

@@ -238,7 +238,7 @@ pub(super) fn nothing_decides(held_out: &str) -> Failure {
 
 impl Stage for Gather {
     const NAME: &'static str = "evidence";
-    const VERSION: u32 = 17;
+    const VERSION: u32 = 18;
     const METHODS: &'static str = "Signed distances of the simulated to the measured skin were taken at the nodes of the \
          calibrated model, less the mean difference to three finer meshes. What the moduli \
          and the amplitude of each effect of a library change about them is the mean over the model's mesh and two others.";

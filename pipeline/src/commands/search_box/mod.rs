@@ -48,7 +48,7 @@ impl Done {
 }
 
 /// Program and way of solving: raised whenever the solver steps or ends otherwise, so that no older run is kept.
-const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), ", solver 4");
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), ", solver 5");
 
 /// Computes the runs that are missing, and writes `runs.csv`, `search-box.md` and `search-box.svg`.
 pub fn search_box(arguments: &SearchBoxArguments) -> Result<(), Failure> {
