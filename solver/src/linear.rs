@@ -30,7 +30,7 @@ const RESIDUAL: f64 = 1e-12;
 const RESIDUAL_OF_SINGLE: f64 = 1e-8;
 /// Largest residual that is taken for a solution.
 const LARGEST_RESIDUAL: f64 = 1e-6;
-/// Products with the matrix in one solution: with factors in single precision three to six are usual.
+/// Most products with the matrix in one solution: with factors in single precision two are usual.
 const PRODUCTS: usize = 20;
 
 /// Why a system has no usable solution.
