@@ -1,6 +1,7 @@
 //! Sparse symmetric systems: supernodal LDLᵀ with an analysis that is kept.
 //!
-//! The matrix may be quasi-definite (positive and negative pivots); it needs no pivoting then,
+//! The factors may be of single precision: they then are the preconditioner of generalised minimal residuals on the
+//! matrix, which is of double precision always. The matrix may be quasi-definite (positive and negative pivots); it needs no pivoting then,
 //! for any order (Vanderbei, *SIAM J. Optim.* 5 (1995) 100). The order of the unknowns is the
 //! caller's, see [`crate::ordering`].
 
@@ -80,7 +81,7 @@ impl Symbolic {
     }
 }
 
-/// Of the numbers of the factors. Matrices, right-hand sides and solutions are of double precision always.
+/// Of the numbers of the factors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Precision {
     /// Half of the memory and less time: for directions of Newton's method, to 1e-8. Where the matrix is too near to a

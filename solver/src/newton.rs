@@ -308,18 +308,28 @@ impl Newton {
     fn direction(&mut self, share: f64) -> Option<Vec<Vec3>> {
         self.excess = 0;
         self.system.factor_sum(&self.values, share, &self.shift).ok()?;
-        // More negative pivots than pressures: the energy is not convex here, and Newton's step
-        // leads to a saddle.
-        let (negative, pressures) = (self.system.negative_pivots(), self.assembly.pressures());
-        self.excess = negative.saturating_sub(pressures);
-        if negative != pressures {
-            tracing::trace!(share, negative, pressures, "not convex");
+        if !self.is_convex(share) {
             return None;
         }
         let rhs = self.assembly.right_hand_side(&self.gradient);
         self.system.solve(&rhs, &mut self.step).ok()?;
+        // What factors of single precision cannot solve has others now.
+        if !self.is_convex(share) {
+            return None;
+        }
         let direction = self.assembly.displacement(&self.step);
         (self.slope(&direction) < 0.0).then_some(direction)
+    }
+
+    /// Whether the factors have no more negative pivots than there are pressures: else the energy is not convex, and
+    /// Newton's step leads to a saddle.
+    fn is_convex(&mut self, share: f64) -> bool {
+        let (negative, pressures) = (self.system.negative_pivots(), self.assembly.pressures());
+        self.excess = negative.saturating_sub(pressures);
+        if negative != pressures {
+            tracing::trace!(share, negative, pressures, "not convex");
+        }
+        negative == pressures
     }
 
     /// Directions in which the energy falls to second order from a state: negative eigenvalues of its
@@ -334,6 +344,7 @@ impl Newton {
         for &diagonal in &starts[..starts.len() - 1] {
             self.values[diagonal] += NOTHING * self.values[diagonal].max(0.0);
         }
+        // The verdict rests on small eigenvalues.
         let Ok(mut system) = self.assembly.system(Precision::Double) else { return 0 };
         let known = system.factor(&self.values).is_ok();
         let negative = if known { system.negative_pivots() } else { 0 };

@@ -97,10 +97,10 @@ impl Gliding {
             front.walk(&Over::face(nearest.unwrap_or(0) as u32), x, &front.places)
         };
         let over = contact.nodes.iter().map(over).collect();
-        Self::over(name, contact, front, over)
+        Self::borne(name, contact, front, over)
     }
 
-    fn over(name: &str, contact: Contact, front: Arc<Front>, over: Vec<Over>) -> Self {
+    fn borne(name: &str, contact: Contact, front: Arc<Front>, over: Vec<Over>) -> Self {
         let touched = contact.nodes.iter().zip(&over);
         let touched = touched.map(|(&node, over)| Touched::new(node, over, &front)).collect();
         Self { name: name.into(), contact, front, over, touched }
@@ -260,7 +260,7 @@ impl Term for Gliding {
         let place_mm = points[node as usize];
         tracing::debug!(nodes = 1 + others.count(), node, ?place_mm, ?from, ?to, "moved on");
         let Self { name, contact, front, .. } = self;
-        Some(Arc::new(Self::over(name, contact.clone(), front.clone(), over)))
+        Some(Arc::new(Self::borne(name, contact.clone(), front.clone(), over)))
     }
 
     fn is_near(&self, from: &[Vec3], to: &[Vec3]) -> bool {

@@ -17,6 +17,7 @@
 //! part of the gravity comes first. Rest shapes from which the known shape would be an unstable
 //! equilibrium solve the equations too; they are refused.
 
+use super::dot;
 use super::supports::{Normals, normals, onto_surfaces, tangential};
 use super::transport::pull_back;
 use crate::assemble::{Assembly, State};
@@ -276,8 +277,8 @@ impl<'a, E: std::fmt::Display, B: Fn(&[Vec3]) -> Result<Model, E>> Search<'a, B>
                     forces.unbalanced.iter().zip(&there).map(|(a, b)| (a - b) / scale).collect();
                 self.miss(&forces.model, &slope).map(|miss| numbers(&miss))
             };
-            let numbers = numbers(&miss);
-            let solved = gmres(<[f64]>::to_vec, product, &numbers, LINEAR_RESIDUAL, MAX_PRODUCTS);
+            let rhs = numbers(&miss);
+            let solved = gmres(<[f64]>::to_vec, product, &rhs, LINEAR_RESIDUAL, MAX_PRODUCTS);
             let line = self.walk(rest, &toward(&fields(&solved.solution)), &forces, off);
             tracing::debug!(
                 gravity,
@@ -339,5 +340,5 @@ fn fields(numbers: &[f64]) -> Vec<Vec3> {
 
 /// Root mean square length (mm) of a nodal field.
 fn rms(field: &[Vec3]) -> f64 {
-    (super::dot(field, field) / field.len().max(1) as f64).sqrt()
+    (dot(field, field) / field.len().max(1) as f64).sqrt()
 }

@@ -258,3 +258,45 @@ pub(super) struct Look {
     /// Their derivatives by the point (1/mm).
     pub gradients: [Vec3; 4],
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What bears a point at last that is found over face 1 as long as that bears less than `balance`, else over
+    /// face 2; and after how many rounds it stays so.
+    fn settled(balance: f64) -> (Over, usize) {
+        let mut over = Over::face(1);
+        for face in [2, 1, 2, 1] {
+            if over.is_single() {
+                over = over.passed_on(face, false);
+            }
+        }
+        assert_eq!(over.bearing().count(), 2, "{over:?}");
+        for round in 0..40 {
+            let first: f64 = over.bearing().filter(|(face, _)| *face == 1).map(|(_, s)| s).sum();
+            let next = over.shifted(if first < balance { 1 } else { 2 });
+            assert!((next.bearing().map(|(_, share)| share).sum::<f64>() - 1.0).abs() < 1e-12);
+            if next.is_single() || next == over {
+                return (next, round);
+            }
+            over = next;
+        }
+        panic!("{over:?}");
+    }
+
+    #[test]
+    fn shares_come_to_where_a_point_rests_on_the_edge() {
+        for balance in [0.2, 0.35, 0.5, 0.62, 0.8] {
+            let (over, rounds) = settled(balance);
+            let first: f64 = over.bearing().filter(|(face, _)| *face == 1).map(|(_, s)| s).sum();
+            println!("{first:.3} for {balance} in {rounds} rounds");
+            assert!((first - balance).abs() < 0.05, "{first} for {balance}");
+        }
+        // One that leaves the edge is borne by its own face alone.
+        for (balance, own) in [(2.0, 1), (-1.0, 2)] {
+            let (over, rounds) = settled(balance);
+            assert!(over.is_single() && over.main() == own && rounds < 6, "{over:?} {rounds}");
+        }
+    }
+}
